@@ -1,0 +1,38 @@
+# What every room's CMakeLists uses: wb_library, wb_test, and the project's compiler flags.
+
+add_compile_options(-Wall -Wextra -Wpedantic -Wno-unused-parameter)
+# Warnings are errors for the project's own code; generated IDL code relaxes this for itself.
+option(WB_WERROR "treat warnings as errors" ON)
+if(WB_WERROR)
+  add_compile_options(-Werror)
+endif()
+add_compile_options(-march=x86-64-v3)
+# GCC's array-bounds analysis reports false positives inside Eigen 3.4's fixed-maximum-size products.
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  add_compile_options(-Wno-array-bounds -Wno-stringop-overflow -Wno-stringop-overread -Wno-maybe-uninitialized)
+endif()
+
+# wb_library(NAME SOURCES ... DEPENDS ...): static library wb_NAME whose headers are included from the root.
+function(wb_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
+  add_library(wb_${name} STATIC ${ARG_SOURCES})
+  target_include_directories(wb_${name} PUBLIC ${CMAKE_SOURCE_DIR})
+  target_link_libraries(wb_${name} PUBLIC Eigen3::Eigen ${ARG_DEPENDS})
+endfunction()
+
+# wb_test(NAME SOURCES ... DEPENDS ... LABELS ...): one GoogleTest program; ctest sees each of its tests.
+# Labels: `fast` unless `scenario`; `concurrency` runs under tsan.
+include(GoogleTest)
+function(wb_test name)
+  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;DEPENDS;LABELS" ${ARGN})
+  if(NOT ARG_LABELS)
+    set(ARG_LABELS fast)
+  endif()
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
+  endif()
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE ${ARG_DEPENDS} GTest::gtest GTest::gtest_main)
+  target_compile_definitions(${name} PRIVATE WB_SOURCE_DIR="${CMAKE_SOURCE_DIR}" WB_BUILD_DIR="${CMAKE_BINARY_DIR}")
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT})
+endfunction()

@@ -1,0 +1,98 @@
+#include "control/estimator.hpp"
+
+#include <cmath>
+
+namespace wb {
+namespace {
+constexpr double kGravity = 9.81;  // m/s^2
+
+template <std::size_t N>
+bool finite(const std::array<double, N>& values) {
+  bool all = true;
+  for (const double v : values) all = all && std::isfinite(v);
+  return all;
+}
+
+bool usable(const JointReading& r) {
+  return r.valid && std::isfinite(r.position) && std::isfinite(r.velocity) && std::isfinite(r.torque);
+}
+}
+
+Estimator::Estimator(std::shared_ptr<const RobotModel> model, const config::Section& section)
+    : model_(std::move(model)),
+      bias_time_constant_s_(section.number("gyro_bias_time_constant_s", config::kPositive)),
+      still_wheel_speed_radps_(section.number("still_wheel_speed_radps", config::kPositive)),
+      still_time_s_(section.number("still_time_s", config::kPositive)) {
+  const int sensor = model_->frame(section.text("wrench_link"));
+  section.finish();
+  hand_mass_kg_ = model_->mass_beyond(sensor, hand_com_E_);
+  const StateVector x = StateVector::Zero(model_->nx());
+  RobotModel::Data data;
+  model_->forward_kinematics(x.data(), data);
+  hand_com_E_ = model_->X_WF(model_->end_effector(), data).inverse() * model_->X_WF(sensor, data) * hand_com_E_;
+}
+
+void Estimator::step(const Readings& r, RobotState& s) RT_SAFE {
+  const BaseConfig& base = model_->config().base;
+  const double dt = started_ ? to_seconds(r.t_ns - last_t_) : 0.0;
+  s.t_ns = r.t_ns;
+  s.joint_count = r.joint_count;
+  for (int i = 0; i < r.joint_count; ++i) {
+    if (!usable(r.joints[i])) continue;
+    s.q[i] = r.joints[i].position;
+    s.dq[i] = r.joints[i].velocity;
+    s.tau[i] = r.joints[i].torque;
+  }
+
+  const bool imu = r.imu_valid && finite(r.gyro) && finite(r.acceleration);
+  if (base.kind == BaseKind::kDifferentialDrive && usable(r.wheels[0]) && usable(r.wheels[1])) {
+    const double left = r.wheels[0].position, right = r.wheels[1].position;
+    if (!wheels_started_) last_wheel_ = {left, right};
+    wheels_started_ = true;
+    const double ds = 0.5 * base.wheel_radius_m * (left - last_wheel_[0] + right - last_wheel_[1]);
+    const double wheel_dyaw = base.wheel_radius_m * (right - last_wheel_[1] - left + last_wheel_[0]) / base.track_m;
+    last_wheel_ = {left, right};
+    const bool still = std::abs(r.wheels[0].velocity) < still_wheel_speed_radps_ &&
+                       std::abs(r.wheels[1].velocity) < still_wheel_speed_radps_;
+    still_for_s_ = still ? still_for_s_ + dt : 0.0;
+    double dyaw = wheel_dyaw;
+    if (imu) {
+      if (still_for_s_ > still_time_s_) gyro_bias_ += dt / bias_time_constant_s_ * (r.gyro[2] - gyro_bias_);
+      dyaw = (r.gyro[2] - gyro_bias_) * dt;
+    }
+    const double heading = s.base[2] + 0.5 * dyaw;  // midpoint rule
+    s.base[0] += ds * std::cos(heading);
+    s.base[1] += ds * std::sin(heading);
+    s.base[2] += dyaw;
+    s.base_velocity[0] = 0.5 * base.wheel_radius_m * (r.wheels[0].velocity + r.wheels[1].velocity);
+    s.base_velocity[1] = imu
+                             ? r.gyro[2] - gyro_bias_
+                             : base.wheel_radius_m * (r.wheels[1].velocity - r.wheels[0].velocity) / base.track_m;
+  }
+  if (imu) {
+    s.gyro = r.gyro;
+    s.acceleration = r.acceleration;
+  }
+  if (r.gripper_valid && std::isfinite(r.gripper_opening_m) && std::isfinite(r.gripper_force_n)) {
+    s.gripper_opening_m = r.gripper_opening_m;
+    s.gripper_force_n = r.gripper_force_n;
+  }
+  if (r.wrench_valid && finite(r.wrench)) {
+    RobotModel::Data data;
+    StateVector x(model_->nx());
+    for (int i = 0; i < model_->base_dof(); ++i) x[i] = s.base[i];
+    for (int i = 0; i < model_->joints(); ++i) x[model_->base_dof() + i] = s.q[i];
+    model_->forward_kinematics(x.data(), data);
+    const Eigen::Matrix3d R_WE = model_->X_WF(model_->end_effector(), data).linear();
+    const Eigen::Vector3d weight_E = R_WE.transpose() * Eigen::Vector3d(0, 0, -hand_mass_kg_ * kGravity);
+    const Eigen::Vector3d moment_E = hand_com_E_.cross(weight_E);
+    for (int i = 0; i < 3; ++i) {
+      s.wrench[i] = r.wrench[i] - weight_E[i];
+      s.wrench[3 + i] = r.wrench[3 + i] - moment_E[i];
+    }
+  }
+  started_ = true;
+  last_t_ = r.t_ns;
+}
+
+}  // namespace wb

@@ -1,0 +1,136 @@
+// Kinematics and dynamics of a robot from its URDF: fixed or differential-drive base under a tree
+// of joints. The model is immutable; each thread owns its Data. Every const method is a step:
+// noexcept, no allocation. x = (base x, y, yaw; q) with base_dof() = 0 or 3. Jacobians: 6 x nx,
+// linear over angular, in W, with respect to x. Source: Featherstone 2008, Rigid Body Dynamics
+// Algorithms (RNEA, Sec. 5.3).
+#pragma once
+#include <Eigen/Geometry>
+#include <array>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/model/robot_config.hpp"
+#include "core/types/limits.hpp"
+
+namespace urdf {
+class Link;
+}
+
+namespace wb {
+
+using StateVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxStates, 1>;
+using JointVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxJoints, 1>;
+using Jacobian = Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::ColMajor, 6, kMaxStates>;
+using PointJacobian = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::ColMajor, 3, kMaxStates>;
+using JointMatrix =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaxJoints, kMaxJoints>;
+
+struct JointLimits {
+  double lower = 0, upper = 0;  // rad or m
+  double velocity = 0;          // rad/s or m/s
+  double torque = 0;            // Nm or N
+  double acceleration = 0;      // rad/s^2, from robot.yaml
+};
+
+struct Sphere {
+  int body = 0;            // index into the model's bodies
+  Eigen::Vector3d centre;  // in the body's frame
+  double radius = 0;
+  bool masked = false;
+};
+
+struct Capsule {
+  std::string name;
+  int body = 0;
+  Eigen::Vector3d p0, p1;  // in the body's frame
+  double radius = 0;
+};
+
+class RobotModel {
+ public:
+  static constexpr int kMaxBodies = kMaxJoints + 1;
+
+  // Poses and scratch of one configuration; fixed size, no heap.
+  struct Data {
+    std::array<Eigen::Isometry3d, kMaxBodies>
+        X_WL;  // body frames (body 0 = base; body i = after joint i - 1)
+    std::array<Eigen::Vector3d, kMaxBodies> axis_W;  // joint axes
+  };
+
+  // Fixed children are merged; movable joints that robot.yaml does not list (wheels, fingers) are
+  // locked at zero. Throws config::ConfigError with the URDF's file and the link or joint at fault.
+  explicit RobotModel(const RobotConfig& config);
+
+  const RobotConfig& config() const { return config_; }
+  int base_dof() const { return config_.base.kind == BaseKind::kFixed ? 0 : 3; }
+  int joints() const { return static_cast<int>(limits_.size()); }
+  int nx() const { return base_dof() + joints(); }
+  int nu() const { return (base_dof() ? 2 : 0) + joints(); }
+  const JointLimits& limits(int joint) const { return limits_[joint]; }
+  double mass() const { return mass_; }
+
+  // Frames are URDF links, also merged ones. frame() throws for an unknown name (setup only).
+  int frame(std::string_view link) const;
+  int end_effector() const { return end_effector_; }
+
+  void forward_kinematics(const double* x, Data& data) const noexcept;  // x has nx() entries
+  Eigen::Isometry3d X_WF(int frame, const Data& data) const noexcept;
+  void frame_jacobian(int frame, const Data& data, Jacobian& J_WF) const noexcept;
+  // Jacobian of the point p_L fixed to a body; `p_W` is its position.
+  void point_jacobian(int body, const Eigen::Vector3d& p_W, const Data& data,
+                      PointJacobian& J) const noexcept;
+
+  // Joint torques for accelerations ddq with the base at rest: tau = M(q) ddq + c(q, dq) + g(q).
+  // Inputs: joints() entries.
+  void inverse_dynamics(const double* q, const double* dq, const double* ddq,
+                        JointVector& tau) const noexcept;
+  void gravity(const double* q, JointVector& tau) const noexcept;
+  void mass_matrix(const double* q, JointMatrix& M) const noexcept;
+
+  const std::vector<Sphere>& spheres() const { return spheres_; }
+  const std::vector<Capsule>& capsules() const { return capsules_; }
+  const std::vector<std::array<int, 2>>& self_pairs() const { return self_pairs_; }
+
+  // Mass [kg] and centre of mass (in F) of everything rigidly attached beyond a frame (the hand's
+  // weight on the wrist sensor).
+  double mass_beyond(int frame, Eigen::Vector3d& com_F) const;
+
+ private:
+  struct Body {
+    int parent = -1;
+    Eigen::Isometry3d X_PJ = Eigen::Isometry3d::Identity();  // parent body to joint frame at zero
+    Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();
+    bool prismatic = false;
+    double mass = 0;
+    Eigen::Vector3d com = Eigen::Vector3d::Zero();      // in the body's frame
+    Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();  // about the com, in the body's axes
+  };
+  struct Frame {  // a URDF link
+    std::string name;
+    int parent = -1;  // frame
+    int body = 0;
+    Eigen::Isometry3d X_LF = Eigen::Isometry3d::Identity();
+    double mass = 0;                                // of this link alone
+    Eigen::Vector3d com = Eigen::Vector3d::Zero();  // in F
+  };
+
+  void add_link(const urdf::Link& link, Frame frame);
+  void place_joints(const double* q, Data& data) const noexcept;  // from X_WL[0]
+  // Torques from a base at rest that accelerates upwards at `lift` [m/s^2], which stands for
+  // gravity; dq, ddq may be null.
+  void newton_euler(const Data& data, const double* dq, const double* ddq, double lift,
+                    double* tau) const noexcept;
+
+  RobotConfig config_;
+  std::vector<Body> bodies_;
+  std::vector<Frame> frames_;
+  std::vector<JointLimits> limits_;
+  std::vector<Sphere> spheres_;
+  std::vector<Capsule> capsules_;
+  std::vector<std::array<int, 2>> self_pairs_;
+  double mass_ = 0;
+  int end_effector_ = 0;
+};
+
+}  // namespace wb

@@ -1,0 +1,153 @@
+#include "mpc/optimal_control_problem.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "mpc/terms/terms.hpp"
+
+namespace wb {
+namespace {
+
+using Factory = std::unique_ptr<Term> (*)(const config::Section&, const ModelPtr&);
+
+struct Entry {
+  const char* name;
+  Factory make;
+};
+
+// The one list of terms: name (also the section's name in mpc.yaml) and maker.
+constexpr Entry kRegistry[] = {
+    {"input", make_input_term},
+    {"end_effector", make_end_effector_term},
+    {"posture", make_posture_term},
+    {"base_route", make_base_route_term},
+    {"joint_limits", make_joint_limits_term},
+    {"velocity_limits", make_velocity_limits_term},
+    {"self_collision", make_self_collision_term},
+    {"environment", make_environment_term},
+};
+static_assert(std::size(kRegistry) <= kMaxTerms);
+
+// Displacement of an arc of chord angle h = w dt / 2: v dt sinc(h) along the heading at half time.
+struct Sinc {
+  double value, slope;
+};
+Sinc sinc(double h) {
+  // The series' next terms are below 1e-16 and 1e-13 at the switch.
+  if (std::abs(h) < 1e-3) return {1.0 - h * h / 6.0, -h / 3.0 + h * h * h / 30.0};
+  return {std::sin(h) / h, (h * std::cos(h) - std::sin(h)) / (h * h)};
+}
+
+std::vector<double> read_grid(const config::Section& section) {
+  const double fine = section.number("fine_step_s", {0.001, 1.0});
+  const double fine_until = section.number("fine_until_s", config::kPositive);
+  const double coarse = section.number("coarse_step_s", {0.001, 1.0});
+  const double horizon = section.number("horizon_s", config::kPositive);
+  section.finish();
+  std::vector<double> grid;
+  const auto append = [&](double from, double until, double step) {
+    const int count = static_cast<int>(std::ceil((until - from) / step - 1e-9));
+    for (int i = 0; i < count; ++i) grid.push_back(from + i * (until - from) / count);
+  };
+  append(0.0, std::min(fine_until, horizon), fine);
+  append(std::min(fine_until, horizon), horizon, coarse);
+  grid.push_back(horizon);
+  if (grid.size() > kMaxNodes) {
+    section.fail("horizon_s", "needs " + std::to_string(grid.size()) + " nodes, allowed: at most " +
+                                  std::to_string(kMaxNodes));
+  }
+  return grid;
+}
+
+}  // namespace
+
+OptimalControlProblem::OptimalControlProblem(std::shared_ptr<const RobotModel> model,
+                                             const std::vector<std::string>& disabled)
+    : OptimalControlProblem(model, config::Section::open(model->config().folder / "mpc.yaml"),
+                            disabled) {}
+
+OptimalControlProblem::OptimalControlProblem(std::shared_ptr<const RobotModel> model,
+                                             const config::Section& settings,
+                                             const std::vector<std::string>& disabled)
+    : model_(std::move(model)), limits_(input_limits(*model_)) {
+  if (model_->nx() > kMaxStates || model_->nu() > kMaxInputs) {
+    throw config::ConfigError(model_->config().urdf.string() + ": has " +
+                              std::to_string(model_->nx()) + " states, allowed: at most " +
+                              std::to_string(kMaxStates));
+  }
+  grid_ = read_grid(settings.section("grid"));
+  for (std::size_t i = 0; i + 1 < grid_.size(); ++i) weights_s_.push_back(grid_[i + 1] - grid_[i]);
+  weights_s_.push_back(settings.number("terminal_weight_s", config::kNonNegative));
+
+  const config::Section search = settings.section("solver");
+  solver_.line_search_steps = search.integer("line_search_steps", {1, 20});
+  solver_.acceleration_fraction = search.number("acceleration_fraction", {0.01, 10.0});
+  search.finish();
+
+  const config::Section sections = settings.section("terms");
+  for (const Entry& entry : kRegistry) {
+    std::unique_ptr<Term> term = entry.make(sections.section(entry.name), model_);
+    if (std::find(disabled.begin(), disabled.end(), entry.name) == disabled.end()) {
+      terms_.push_back(std::move(term));
+    }
+  }
+  sections.finish();
+  settings.finish();
+  for (const std::string& name : disabled) {
+    const bool known = std::any_of(std::begin(kRegistry), std::end(kRegistry),
+                                   [&](const Entry& entry) { return name == entry.name; });
+    if (!known) throw config::ConfigError("MPC: there is no term '" + name + "' to disable");
+  }
+}
+
+void OptimalControlProblem::step(const double* x, const double* u, double dt,
+                                 double* x_next) const noexcept {
+  int row = 0;
+  if (model_->base_dof() > 0) {
+    const double half = 0.5 * u[1] * dt;
+    const double chord = u[0] * dt * sinc(half).value;
+    x_next[0] = x[0] + chord * std::cos(x[2] + half);
+    x_next[1] = x[1] + chord * std::sin(x[2] + half);
+    x_next[2] = x[2] + 2.0 * half;
+    row = 3;
+  }
+  const double* rates = u + (nu() - model_->joints());
+  for (int j = 0; j < model_->joints(); ++j) x_next[row + j] = x[row + j] + rates[j] * dt;
+}
+
+void OptimalControlProblem::step_derivatives(const double* x, const double* u, double dt,
+                                             StateMatrix& A, StateInputMatrix& B) const noexcept {
+  A.setIdentity(nx(), nx());
+  B.setZero(nx(), nu());
+  if (model_->base_dof() > 0) {
+    const double half = 0.5 * u[1] * dt;
+    const Sinc s = sinc(half);
+    const double cosine = std::cos(x[2] + half), sine = std::sin(x[2] + half);
+    const double chord = u[0] * dt * s.value;
+    A(0, 2) = -chord * sine;
+    A(1, 2) = chord * cosine;
+    B(0, 0) = dt * s.value * cosine;
+    B(1, 0) = dt * s.value * sine;
+    const double chord_slope = u[0] * dt * s.slope;
+    B(0, 1) = 0.5 * dt * (chord_slope * cosine - chord * sine);
+    B(1, 1) = 0.5 * dt * (chord_slope * sine + chord * cosine);
+    B(2, 1) = dt;
+  }
+  for (int j = 1; j <= model_->joints(); ++j) B(nx() - j, nu() - j) = dt;
+}
+
+double OptimalControlProblem::evaluate(Node& node, Quadratic* quadratic,
+                                       double* term_cost) const noexcept {
+  model_->forward_kinematics(node.x.data(), node.kinematics);
+  if (quadratic) quadratic->set_zero(nx(), nu());
+  double cost = 0;
+  for (std::size_t i = 0; i < terms_.size(); ++i) {
+    const bool skipped = node.terminal && terms_[i]->scope() == TermScope::kStage;
+    const double value = skipped ? 0.0 : terms_[i]->evaluate(node, quadratic);
+    if (term_cost) term_cost[i] = value;
+    cost += value;
+  }
+  return cost;
+}
+
+}  // namespace wb

@@ -1,0 +1,75 @@
+// What the MPC minimises: a time grid, the robot's kinematic model of motion, and one ordered list
+// of named terms. Setup world to build (throws config::ConfigError), step world to use: every const
+// method is noexcept and allocates nothing. x = (base x, y [m], yaw [rad]; q), u = (v [m/s], w
+// [rad/s]; dq); a fixed base has only q and dq. Source: Mittal et al. 2022, Sec. IV; DESIGN.md,
+// "Formulation of the MPC".
+#pragma once
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/config/config.hpp"
+#include "core/model/robot_model.hpp"
+#include "core/types/limits.hpp"
+#include "mpc/input_limits.hpp"
+#include "mpc/term.hpp"
+
+namespace wb {
+
+using StateInputMatrix =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxStates, kMaxInputs>;
+
+// How the solver searches; from mpc.yaml.
+struct SolverSettings {
+  int line_search_steps = 5;         // step lengths 1, 1/2, 1/4, ...
+  double acceleration_fraction = 1;  // of the acceleration limits that a policy may use
+};
+
+class OptimalControlProblem {
+ public:
+  // Reads mpc.yaml in the robot's folder. Terms named in `disabled` are left out; an unknown name
+  // is an error.
+  explicit OptimalControlProblem(std::shared_ptr<const RobotModel> model,
+                                 const std::vector<std::string>& disabled = {});
+  OptimalControlProblem(std::shared_ptr<const RobotModel> model, const config::Section& settings,
+                        const std::vector<std::string>& disabled = {});
+
+  const RobotModel& model() const { return *model_; }
+  int nx() const { return model_->nx(); }
+  int nu() const { return model_->nu(); }
+  const InputLimits& limits() const { return limits_; }
+  const SolverSettings& solver() const { return solver_; }
+
+  // Node times [s] after the start, ascending from 0. The input of node i acts until node i + 1;
+  // the last node has none.
+  std::span<const double> grid() const { return grid_; }
+  int nodes() const { return static_cast<int>(grid_.size()); }
+  // Seconds that a node's running cost counts for: its interval, for the last node the configured
+  // terminal weight.
+  double weight_s(int node) const { return weights_s_[node]; }
+
+  // The registry, in the order of SolveReport::term_cost.
+  std::span<const std::unique_ptr<Term>> terms() const { return terms_; }
+
+  // Where x is after `dt` seconds of constant u: exact, a straight line or an arc. Arrays of nx()
+  // and nu() entries.
+  void step(const double* x, const double* u, double dt, double* x_next) const noexcept;
+  // Its derivatives A (nx x nx) and B (nx x nu).
+  void step_derivatives(const double* x, const double* u, double dt, StateMatrix& A,
+                        StateInputMatrix& B) const noexcept;
+
+  // Cost rate [1/s] at a node whose x, u, reference, field and sample are set; sets its kinematics.
+  // `quadratic`, if not null, receives gradient and Hessian; `term_cost`, if not null, one entry
+  // per term.
+  double evaluate(Node& node, Quadratic* quadratic, double* term_cost) const noexcept;
+
+ private:
+  std::shared_ptr<const RobotModel> model_;
+  InputLimits limits_;
+  SolverSettings solver_;
+  std::vector<double> grid_, weights_s_;
+  std::vector<std::unique_ptr<Term>> terms_;
+};
+
+}  // namespace wb

@@ -1,0 +1,53 @@
+// The base follows Reference::base: 1/2 |position error|^2 and 1/2 (yaw error, wrapped)^2, times
+// base_scale.
+#include <cmath>
+#include <numbers>
+
+#include "mpc/terms/terms.hpp"
+
+namespace wb {
+namespace {
+
+class BaseRouteTerm final : public Term {
+ public:
+  BaseRouteTerm(double position_weight, double yaw_weight)
+      : Term("base_route", TermKind::kCost, TermScope::kStageAndTerminal),
+        weights_(position_weight, position_weight, yaw_weight) {}
+
+  double evaluate(Node& node, Quadratic* quadratic) const noexcept override {
+    if (!node.sample->has_base) return 0.0;
+    Eigen::Vector3d error = node.x.head<3>() - node.sample->base;
+    error[2] = std::remainder(error[2], 2.0 * std::numbers::pi);
+    const Eigen::Vector3d weights = node.reference->base_scale * weights_;
+    if (quadratic) {
+      quadratic->q.head<3>() += weights.cwiseProduct(error);
+      quadratic->Q.diagonal().head<3>() += weights;
+    }
+    return 0.5 * error.dot(weights.cwiseProduct(error));
+  }
+
+ private:
+  Eigen::Vector3d weights_;
+};
+
+// A fixed base follows nothing; the name stays registered so that every robot has the same list.
+class NoBaseRouteTerm final : public Term {
+ public:
+  NoBaseRouteTerm() : Term("base_route", TermKind::kCost, TermScope::kStageAndTerminal) {}
+  double evaluate(Node&, Quadratic*) const noexcept override { return 0.0; }
+};
+
+}  // namespace
+
+std::unique_ptr<Term> make_base_route_term(const config::Section& section, const ModelPtr& model) {
+  if (model->base_dof() == 0) {
+    section.finish();
+    return std::make_unique<NoBaseRouteTerm>();
+  }
+  const double position = section.number("position_pm2", config::kNonNegative);
+  const double yaw = section.number("yaw_prad2", config::kNonNegative);
+  section.finish();
+  return std::make_unique<BaseRouteTerm>(position, yaw);
+}
+
+}  // namespace wb

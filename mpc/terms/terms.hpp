@@ -1,0 +1,25 @@
+// The terms of the MPC's cost, each made from its own section of mpc.yaml. Setup world: throws
+// config::ConfigError. OptimalControlProblem registers them; to add one, write its file here,
+// declare it below and enter it there.
+#pragma once
+#include <memory>
+
+#include "core/config/config.hpp"
+#include "mpc/term.hpp"
+
+namespace wb {
+
+using ModelPtr = std::shared_ptr<const RobotModel>;
+
+std::unique_ptr<Term> make_input_term(const config::Section& section, const ModelPtr& model);
+std::unique_ptr<Term> make_end_effector_term(const config::Section& section, const ModelPtr& model);
+std::unique_ptr<Term> make_posture_term(const config::Section& section, const ModelPtr& model);
+std::unique_ptr<Term> make_base_route_term(const config::Section& section, const ModelPtr& model);
+std::unique_ptr<Term> make_joint_limits_term(const config::Section& section, const ModelPtr& model);
+std::unique_ptr<Term> make_velocity_limits_term(const config::Section& section,
+                                                const ModelPtr& model);
+std::unique_ptr<Term> make_self_collision_term(const config::Section& section,
+                                               const ModelPtr& model);
+std::unique_ptr<Term> make_environment_term(const config::Section& section, const ModelPtr& model);
+
+}  // namespace wb

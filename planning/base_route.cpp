@@ -1,0 +1,233 @@
+#include "planning/base_route.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace wb {
+namespace {
+double wrap(double a) { return std::remainder(a, 2 * M_PI); }
+}  // namespace
+
+BaseRoute::BaseRoute(const BaseConfig& base, const config::Section& section)
+    : base_(base),
+      radius_m_(base.bounding_radius_m + section.number("margin_m", config::kNonNegative)),
+      comfort_m_(section.number("comfort_m", config::kPositive)),
+      comfort_weight_(section.number("comfort_weight", config::kNonNegative)),
+      low_m_(section.number("height_low_m")),
+      high_m_(section.number("height_high_m")),
+      lookahead_m_(section.number("lookahead_m", config::kPositive)),
+      reverse_m_(section.number("reverse_m", config::kNonNegative)),
+      speed_factor_(section.number("speed_factor", config::kFraction)),
+      clearance_(kMaxCells),
+      cost_(kMaxCells),
+      next_(kMaxCells),
+      heap_(kMaxCells),
+      heap_place_(kMaxCells) {
+  section.finish();
+}
+
+void BaseRoute::flatten(const DistanceField& field) RT_SAFE {
+  const auto& size = field.size();
+  if (size[0] * size[1] > kMaxCells) return;
+  nx_ = size[0];
+  ny_ = size[1];
+  resolution_ = field.resolution();
+  origin_ = field.origin_W.head<2>();
+  std::fill_n(clearance_.begin(), nx_ * ny_, static_cast<float>(DistanceField::kNoMap));
+  for (int k = 0; k < size[2]; ++k) {
+    const double z = field.origin_W.z() + (k + 0.5) * resolution_;
+    if (z < low_m_ || z > high_m_) continue;
+    const float* layer = field.data() + field.index(0, 0, k);
+    for (int i = 0; i < nx_ * ny_; ++i) clearance_[i] = std::min(clearance_[i], layer[i]);
+  }
+  field_seq_ = field.seq;
+  have_map_ = true;
+}
+
+double BaseRoute::clearance(const Eigen::Vector2d& p) const RT_SAFE {
+  if (!have_map_) return DistanceField::kNoMap;
+  const int i = std::clamp(static_cast<int>((p.x() - origin_.x()) / resolution_), 0, nx_ - 1);
+  const int j = std::clamp(static_cast<int>((p.y() - origin_.y()) / resolution_), 0, ny_ - 1);
+  return clearance_[j * nx_ + i];
+}
+
+bool BaseRoute::clear_line(const Eigen::Vector2d& a, const Eigen::Vector2d& b, double needed) const RT_SAFE {
+  const int steps = std::max(1, static_cast<int>((b - a).norm() / (0.5 * resolution_)));
+  for (int s = 0; s <= steps; ++s) {
+    if (clearance(a + (b - a) * (static_cast<double>(s) / steps)) < needed) return false;
+  }
+  return true;
+}
+
+// Dijkstra from the goal outwards, so that next_[cell] leads there; stops when the start is settled. Cells nearer to obstacles than the
+// robot's circle are not forbidden but dear: a robot that stands too close must find its way out.
+void BaseRoute::search(const Eigen::Vector2d& from, const Eigen::Vector2d& to) RT_SAFE {
+  waypoints_ = 0;
+  waypoint_[waypoints_++] = from;
+  const double direct = std::min({comfort_m_, clearance(from) - 1e-3, clearance(to) - 1e-3});
+  if (!have_map_ || clear_line(from, to, std::max(radius_m_, direct))) {
+    waypoint_[waypoints_++] = to;
+    return;
+  }
+  const auto cell = [&](const Eigen::Vector2d& p) {
+    const int i = std::clamp(static_cast<int>((p.x() - origin_.x()) / resolution_), 0, nx_ - 1);
+    const int j = std::clamp(static_cast<int>((p.y() - origin_.y()) / resolution_), 0, ny_ - 1);
+    return j * nx_ + i;
+  };
+  const auto price = [&](int c) {  // cost of a metre in this cell
+    const double d = clearance_[c];
+    if (d < radius_m_) return 50.0 + 200.0 * (radius_m_ - d);
+    return 1.0 + comfort_weight_ * std::max(0.0, comfort_m_ - d);
+  };
+  constexpr float kFar = 1e30f;
+  std::fill_n(cost_.begin(), nx_ * ny_, kFar);
+  std::fill_n(next_.begin(), nx_ * ny_, -1);
+  std::fill_n(heap_place_.begin(), nx_ * ny_, -1);
+  int heap_size = 0;
+  const auto place = [&](int slot, int c) {
+    heap_[slot] = c;
+    heap_place_[c] = slot;
+  };
+  const auto rise = [&](int slot) {
+    const int c = heap_[slot];
+    while (slot > 0 && cost_[heap_[(slot - 1) / 2]] > cost_[c]) {
+      place(slot, heap_[(slot - 1) / 2]);
+      slot = (slot - 1) / 2;
+    }
+    place(slot, c);
+  };
+  const int start = cell(from), goal = cell(to);
+  cost_[goal] = 0;
+  place(0, goal);
+  heap_size = 1;
+  while (heap_size > 0) {
+    const int c = heap_[0];
+    if (--heap_size > 0) {  // take the smallest: the last one sinks from the top
+      const int moved = heap_[heap_size];
+      int slot = 0;
+      for (;;) {
+        int child = 2 * slot + 1;
+        if (child >= heap_size) break;
+        if (child + 1 < heap_size && cost_[heap_[child + 1]] < cost_[heap_[child]]) ++child;
+        if (cost_[heap_[child]] >= cost_[moved]) break;
+        place(slot, heap_[child]);
+        slot = child;
+      }
+      place(slot, moved);
+    }
+    heap_place_[c] = -2;  // settled
+    if (c == start) break;
+    const int i = c % nx_, j = c / nx_;
+    for (int dj = -1; dj <= 1; ++dj) {
+      for (int di = -1; di <= 1; ++di) {
+        if ((!di && !dj) || i + di < 0 || i + di >= nx_ || j + dj < 0 || j + dj >= ny_) continue;
+        const int n = c + dj * nx_ + di;
+        if (heap_place_[n] == -2) continue;
+        const double metres = resolution_ * (di && dj ? M_SQRT2 : 1.0);
+        const float candidate = static_cast<float>(cost_[c] + metres * price(n));
+        if (candidate >= cost_[n]) continue;
+        cost_[n] = candidate;
+        next_[n] = c;
+        if (heap_place_[n] < 0) {
+          place(heap_size, n);
+          ++heap_size;
+        }
+        rise(heap_place_[n]);
+      }
+    }
+  }
+
+  // Pull the string: from each way point to the farthest cell in clear sight.
+  const auto centre = [&](int c) {
+    return Eigen::Vector2d(origin_.x() + (c % nx_ + 0.5) * resolution_, origin_.y() + (c / nx_ + 0.5) * resolution_);
+  };
+  Eigen::Vector2d at = from;
+  int c = start;
+  while (c != goal && next_[c] >= 0 && waypoints_ < kMaxWaypoints - 1) {
+    int farthest = next_[c];
+    double least = std::min(clearance_[c], clearance_[farthest]);
+    for (int n = farthest; n >= 0; n = next_[n]) {
+      least = std::min<double>(least, clearance_[n]);
+      // A short cut may not be tighter than the way it replaces, nor than the robot is wide.
+      if (!clear_line(at, centre(n), std::max(radius_m_, std::min(least, comfort_m_)) - 1e-6)) break;
+      farthest = n;
+      if (n == goal) break;
+    }
+    c = farthest;
+    at = centre(c);
+    if (c != goal) waypoint_[waypoints_++] = at;
+  }
+  waypoint_[waypoints_++] = to;
+}
+
+void BaseRoute::follow(TimeNs t0, std::array<double, 3> pose, std::array<double, 2> velocity, Reference& ref) const RT_SAFE {
+  constexpr double kStep = 0.02;        // s, simulation
+  constexpr int kStepsPerKeyframe = 5;  // 0.1 s
+  const double v_max = speed_factor_ * base_.velocity_max, w_max = speed_factor_ * base_.yaw_rate_max;
+  const double a_max = 0.7 * base_.acceleration_max, b_max = 0.7 * base_.yaw_acceleration_max;  // the MPC needs some of it
+  const Eigen::Vector2d goal = waypoint_[waypoints_ - 1];
+  int segment = 0;
+  ref.base_count = 0;
+  for (int step = 0; ref.base_count < kMaxKeyframes - 16; ++step) {
+    if (step % kStepsPerKeyframe == 0) {
+      BaseKeyframe& k = ref.base[ref.base_count++];
+      k.t_ns = t0 + from_seconds(step * kStep);
+      k.base = pose;
+    }
+    const Eigen::Vector2d p(pose[0], pose[1]);
+    // Progress along the polyline, then the point one look-ahead further.
+    while (segment < waypoints_ - 2) {
+      const Eigen::Vector2d d = waypoint_[segment + 1] - waypoint_[segment];
+      if ((p - waypoint_[segment]).dot(d) < d.squaredNorm()) break;
+      ++segment;
+    }
+    const Eigen::Vector2d d = waypoint_[segment + 1] - waypoint_[segment];
+    const double length = std::max(d.norm(), 1e-9);
+    const double along = std::clamp((p - waypoint_[segment]).dot(d) / length, 0.0, length);
+    Eigen::Vector2d target = waypoint_[segment] + d / length * along;
+    double ahead = lookahead_m_, left = 0;
+    for (int s = segment; s < waypoints_ - 1; ++s) {
+      const double rest = (waypoint_[s + 1] - target).norm();
+      if (rest >= ahead || s == waypoints_ - 2) {
+        target += (waypoint_[s + 1] - target) * (rest > 1e-9 ? std::min(1.0, ahead / rest) : 1.0);
+        break;
+      }
+      ahead -= rest;
+      target = waypoint_[s + 1];
+    }
+    left = (goal - p).norm();
+
+    double v_wish = 0, w_wish = 0;
+    if (left > 0.05) {
+      double bearing = wrap(std::atan2(target.y() - p.y(), target.x() - p.x()) - pose[2]);
+      double sign = 1.0;
+      if (left < reverse_m_ && std::abs(bearing) > M_PI / 2) {  // a short way back is driven backwards
+        bearing = wrap(bearing - M_PI);
+        sign = -1.0;
+      }
+      w_wish = std::clamp(2.5 * bearing, -w_max, w_max);
+      // Turn first, then drive: the slower, the more the heading is off.
+      const double facing = std::max(0.0, std::cos(std::min(1.5 * std::abs(bearing), M_PI / 2)));
+      v_wish = sign * std::min(v_max * facing, std::sqrt(2 * a_max * std::max(0.0, left - 0.02)));
+    } else {
+      const double turn = wrap(ref.base_goal[2] - pose[2]);
+      w_wish = std::copysign(std::min(w_max, std::sqrt(2 * b_max * std::abs(turn))), turn);
+      if (std::abs(turn) < 0.01) w_wish = turn;
+    }
+    velocity[0] += std::clamp(v_wish - velocity[0], -a_max * kStep, a_max * kStep);
+    velocity[1] += std::clamp(w_wish - velocity[1], -b_max * kStep, b_max * kStep);
+    const double heading = pose[2] + 0.5 * velocity[1] * kStep;
+    pose[0] += velocity[0] * std::cos(heading) * kStep;
+    pose[1] += velocity[0] * std::sin(heading) * kStep;
+    pose[2] += velocity[1] * kStep;
+  }
+}
+
+void BaseRoute::plan(TimeNs t0, const std::array<double, 3>& start, const std::array<double, 2>& velocity,
+                     const DistanceField* field, Reference& reference) RT_SAFE {
+  if (field && !field->empty() && (field->seq != field_seq_ || !have_map_)) flatten(*field);
+  search({start[0], start[1]}, {reference.base_goal[0], reference.base_goal[1]});
+  follow(t0, start, velocity, reference);
+}
+
+}  // namespace wb

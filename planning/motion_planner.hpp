@@ -1,0 +1,31 @@
+// The MPC loop's step: base route where the reference asks for one, then one SLQ iteration. 30 Hz, step world.
+// Input: newest RobotState, Reference and DistanceField; output: Policy. Frame W, SI.
+#pragma once
+#include <memory>
+
+#include "core/types/robot_state.hpp"
+#include "mpc/slq_solver.hpp"
+#include "planning/base_route.hpp"
+
+namespace wb {
+
+class MotionPlanner {
+ public:
+  // Reads robot_folder/mpc.yaml and route.yaml. `disabled_terms`: names of MPC terms to leave out (studies only).
+  MotionPlanner(std::shared_ptr<const RobotModel> model, const std::vector<std::string>& disabled_terms = {});
+
+  [[nodiscard]] SolveStatus step(const RobotState& state, const Reference& reference, const DistanceField* field, Policy& policy,
+                                 SolveReport& report) RT_SAFE;
+
+  const Reference& expanded_reference() const { return reference_; }   // with the route, for views
+  const OptimalControlProblem& problem() const { return *problem_; }
+
+ private:
+  std::shared_ptr<const RobotModel> model_;
+  std::shared_ptr<const OptimalControlProblem> problem_;
+  SlqSolver solver_;
+  BaseRoute route_;
+  Reference reference_;
+};
+
+}  // namespace wb

@@ -1,0 +1,71 @@
+// The robots that the model's tests run on: Mabi-Mobile, and a fixed tree with what it lacks
+// (branches, sliding joints, oblique axes, turned inertias). Setup world.
+#pragma once
+#include <filesystem>
+#include <fstream>
+#include <random>
+
+#include "core/model/robot_model.hpp"
+
+namespace wb::test {
+
+inline RobotConfig mabi_mobile() {
+  return RobotConfig::load(WB_SOURCE_DIR "/config/robots/mabi_mobile");
+}
+
+inline RobotConfig tree() {
+  RobotConfig config;
+  config.name = "tree";
+  config.folder = std::filesystem::path(WB_BUILD_DIR) / "tests/core/model";
+  config.urdf = config.folder / "tree.urdf";
+  const std::string limit = R"(<limit lower="-1" upper="2" effort="10" velocity="3"/>)";
+  const std::string inertial =
+      R"(<inertial><origin xyz="0.1 -0.05 0.2" rpy="0.3 -0.2 0.5"/><mass value="1.5"/>
+         <inertia ixx="0.02" ixy="0.001" ixz="-0.002" iyy="0.03" iyz="0.003" izz="0.025"/></inertial>)";
+  std::ofstream(config.urdf)
+      << R"(<robot name="tree"><link name="root">)" << inertial << "</link>"
+      << R"(<link name="slide">)" << inertial << "</link>"
+      << R"(<joint name="a" type="prismatic"><parent link="root"/><child link="slide"/>
+            <origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/><axis xyz="1 2 -1"/>)"
+      << limit << "</joint>"
+      << R"(<link name="plate">)" << inertial << "</link>"
+      << R"(<joint name="plate_mount" type="fixed"><parent link="slide"/><child link="plate"/>
+            <origin xyz="-0.1 0 0.4" rpy="1 0 0.2"/></joint>)"
+      << R"(<link name="left">)" << inertial << "</link>"
+      << R"(<joint name="b" type="revolute"><parent link="plate"/><child link="left"/>
+            <origin xyz="0 0.3 0.1" rpy="0 -0.7 0"/><axis xyz="0 3 4"/>)"
+      << limit << "</joint>"
+      << R"(<link name="left_tip">)" << inertial << "</link>"
+      << R"(<joint name="c" type="prismatic"><parent link="left"/><child link="left_tip"/>
+            <origin xyz="0.5 0 0" rpy="0 0 1"/><axis xyz="0 0 1"/>)"
+      << limit << "</joint>"
+      << R"(<link name="right">)" << inertial << "</link>"
+      << R"(<joint name="d" type="revolute"><parent link="slide"/><child link="right"/>
+            <origin xyz="0 -0.3 0.1" rpy="0.2 0 0"/><axis xyz="-1 0 1"/>)"
+      << limit << "</joint></robot>";
+  config.base.link = "root";
+  for (const char* name : {"a", "b", "c", "d"}) config.joints.push_back({name, 5.0});
+  config.end_effector = "left_tip";
+  return config;
+}
+
+// A state with its joints anywhere within their limits and the base anywhere within 5 m.
+inline StateVector random_state(const RobotModel& model, std::mt19937& random) {
+  StateVector x(model.nx());
+  for (int i = 0; i < model.base_dof(); ++i) {
+    x[i] = std::uniform_real_distribution(-5.0, 5.0)(random);
+  }
+  for (int i = 0; i < model.joints(); ++i) {
+    const JointLimits& l = model.limits(i);
+    x[model.base_dof() + i] = std::uniform_real_distribution(l.lower, l.upper)(random);
+  }
+  return x;
+}
+
+inline JointVector random_rates(const RobotModel& model, std::mt19937& random) {
+  JointVector out(model.joints());
+  for (double& rate : out) rate = std::normal_distribution()(random);
+  return out;
+}
+
+}  // namespace wb::test

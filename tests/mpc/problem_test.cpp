@@ -1,0 +1,188 @@
+// Grid, model of motion, reference sampling, configuration errors, and what a Policy's evaluation
+// means.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <regex>
+#include <sstream>
+
+#include "tests/mpc/robot.hpp"
+
+namespace wb::mpc_test {
+namespace {
+
+std::string mpc_yaml() {
+  std::ifstream in(WB_SOURCE_DIR "/config/robots/mabi_mobile/mpc.yaml");
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+std::string error_of(const std::string& text) {
+  try {
+    OptimalControlProblem problem(mabi(), config::Section::parse(text, "mpc.yaml"));
+  } catch (const config::ConfigError& e) {
+    return e.what();
+  }
+  return "";
+}
+
+TEST(OptimalControlProblem, GridIsFineInTheFirstSecondAndCoarseUntilTheHorizon) {
+  const OptimalControlProblem problem(mabi());
+  const auto grid = problem.grid();
+  EXPECT_EQ(grid.front(), 0.0);
+  EXPECT_DOUBLE_EQ(grid.back(), 4.0);
+  constexpr double kRounding = 1e-12;
+  for (std::size_t i = 0; i + 1 < grid.size(); ++i) {
+    EXPECT_LE(grid[i + 1] - grid[i], (grid[i] < 1.0 - kRounding ? 0.04 : 0.1) + kRounding);
+    EXPECT_GT(grid[i + 1], grid[i]);
+  }
+}
+
+TEST(OptimalControlProblem, ConfigurationErrorsNameFileAndKey) {
+  const std::string good = mpc_yaml();
+  EXPECT_EQ(error_of(good), "");
+  const std::string unknown =
+      error_of(std::regex_replace(good, std::regex("reach_m:"), "reech_m:"));
+  EXPECT_NE(unknown.find("mpc.yaml"), std::string::npos);
+  EXPECT_NE(unknown.find("terms.self_collision.reach_m"), std::string::npos);
+  EXPECT_NE(
+      error_of(std::regex_replace(good, std::regex("fine_step_s: [0-9.]+"), "fine_step_s: 0.001"))
+          .find("nodes"),
+      std::string::npos);
+  EXPECT_NE(error_of(std::regex_replace(good, std::regex("mu_pm2: [0-9.]+"), "mu_pm2: -1"))
+                .find("allowed"),
+            std::string::npos);
+}
+
+TEST(OptimalControlProblem, DisabledTermsAreLeftOutAndUnknownOnesRefused) {
+  const OptimalControlProblem problem(mabi(), {"environment"});
+  for (const auto& term : problem.terms()) EXPECT_NE(term->name(), "environment");
+  EXPECT_EQ(problem.terms().size() + 1, OptimalControlProblem(mabi()).terms().size());
+  EXPECT_THROW(OptimalControlProblem(mabi(), {"enviroment"}), config::ConfigError);
+}
+
+TEST(OptimalControlProblem, StepIsTheExactIntegral) {
+  const OptimalControlProblem problem(mabi());
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  for (int sample = 0; sample < 20; ++sample) {
+    StateVector x(problem.nx()), fine(problem.nx()), coarse(problem.nx());
+    InputVector u(problem.nu());
+    for (int i = 0; i < x.size(); ++i) x[i] = 3 * uniform(random);
+    for (int i = 0; i < u.size(); ++i)
+      u[i] = uniform(random) * (sample % 3 == 0 && i == 1 ? 1e-7 : 1.0);
+    constexpr int kParts = 20000;
+    constexpr double kDt = 0.5;
+    fine = x;
+    for (int i = 0; i < kParts; ++i) {  // midpoint rule, error below kDt^3 / kParts^2
+      const double yaw = fine[2] + 0.5 * u[1] * kDt / kParts;
+      fine[0] += std::cos(yaw) * u[0] * kDt / kParts;
+      fine[1] += std::sin(yaw) * u[0] * kDt / kParts;
+      for (int r = 1; r < u.size(); ++r) fine[r + 1] += u[r] * kDt / kParts;
+    }
+    problem.step(x.data(), u.data(), kDt, coarse.data());
+    EXPECT_LE((fine - coarse).norm(), 1e-9);
+  }
+}
+
+TEST(OptimalControlProblem, StepDerivativesMatchCentralDifferences) {
+  const OptimalControlProblem problem(mabi());
+  std::mt19937 random(6);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  constexpr double kStep = 1e-6, kTolerance = 1e-8;  // step^2 + rounding / step
+  for (int sample = 0; sample < 30; ++sample) {
+    StateVector x(problem.nx()), ahead(problem.nx()), behind(problem.nx());
+    InputVector u(problem.nu());
+    for (int i = 0; i < x.size(); ++i) x[i] = 3 * uniform(random);
+    for (int i = 0; i < u.size(); ++i) u[i] = uniform(random);
+    if (sample % 3 == 0) u[1] = 0.0;    // straight
+    if (sample % 3 == 1) u[1] *= 1e-3;  // the series
+    StateMatrix A;
+    StateInputMatrix B;
+    problem.step_derivatives(x.data(), u.data(), 0.1, A, B);
+    const auto check = [&](double& variable, const Eigen::VectorXd& column) {
+      const double at = variable;
+      variable = at + kStep;
+      problem.step(x.data(), u.data(), 0.1, ahead.data());
+      variable = at - kStep;
+      problem.step(x.data(), u.data(), 0.1, behind.data());
+      variable = at;
+      EXPECT_LE(((ahead - behind) / (2 * kStep) - column).norm(), kTolerance);
+    };
+    for (int i = 0; i < x.size(); ++i) check(x[i], A.col(i));
+    for (int i = 0; i < u.size(); ++i) check(u[i], B.col(i));
+  }
+}
+
+TEST(ReferenceSample, InterpolatesBetweenKeyframesAndHoldsOutside) {
+  Reference reference;
+  reference.ee_count = reference.base_count = 2;
+  reference.ee[0] = {100, Pose::from({0, 0, 0}, Eigen::Quaterniond::Identity())};
+  reference.ee[1] = {
+      200,
+      Pose::from({1, 2, 3}, Eigen::Quaterniond(Eigen::AngleAxisd(1.0, Eigen::Vector3d::UnitX())))};
+  reference.base[0] = {100, {0, 0, 3}};
+  reference.base[1] = {200, {1, -1, 4}};  // yaw is continuous: no wrapping on the way
+  constexpr double kRounding = 1e-14;
+  const ReferenceSample middle = sample(reference, 125);
+  EXPECT_LE((middle.p_WE - Eigen::Vector3d(0.25, 0.5, 0.75)).norm(), kRounding);
+  EXPECT_NEAR(Eigen::AngleAxisd(middle.R_WE).angle(), 0.25, 1e-12);
+  EXPECT_LE((middle.base - Eigen::Vector3d(0.25, -0.25, 3.25)).norm(), kRounding);
+  EXPECT_EQ(sample(reference, 0).base[2], 3.0);
+  EXPECT_EQ(sample(reference, 999).p_WE.z(), 3.0);
+  EXPECT_FALSE(sample(Reference{}, 0).has_end_effector);
+  EXPECT_FALSE(sample(Reference{}, 0).has_base);
+}
+
+TEST(ReferenceSample, QuaternionOfLengthZeroIsNotTakenForARotation) {
+  Reference reference;
+  reference.ee_count = 1;
+  reference.ee[0].X_WE.q = {0, 0, 0, 0};
+  EXPECT_FALSE(sample(reference, 0).R_WE.allFinite());
+}
+
+// Two states, one input, nodes at 0, 100 and 300 ns.
+Policy small_policy() {
+  Policy p;
+  p.nodes = 3;
+  p.states = 2;
+  p.inputs = 1;
+  p.t[0] = 0, p.t[1] = 100, p.t[2] = 300;
+  p.x(0) << 0, 0;
+  p.x(1) << 1, 10;
+  p.x(2) << 3, 30;
+  p.u(0) << 5;
+  p.u(1) << 7;
+  p.K(0) << 1, 2;
+  p.K(1) << 3, 4;
+  return p;
+}
+
+TEST(Policy, InputAndGainOfANodeActUntilTheNextOneOnTheInterpolatedState) {
+  const Policy p = small_policy();
+  double u = 0, x_ref[2];
+  const double x[2] = {0.5, 6.0};
+  ASSERT_TRUE(p.evaluate(50, x, &u, x_ref));
+  EXPECT_EQ(x_ref[0], 0.5);
+  EXPECT_EQ(x_ref[1], 5.0);
+  EXPECT_EQ(u, 5 + 2 * (6.0 - 5.0));
+  ASSERT_TRUE(p.evaluate(100, x, &u, x_ref));  // at a node its own input and gain
+  EXPECT_EQ(u, 7 + 3 * (0.5 - 1) + 4 * (6.0 - 10));
+}
+
+TEST(Policy, BeforeTheFirstNodeTheFirstHoldsAndFromTheLastOnNothingMoves) {
+  const Policy p = small_policy();
+  double u = 0, x_ref[2];
+  const double x[2] = {0, 0};
+  ASSERT_TRUE(p.evaluate(-50, x, &u, x_ref));
+  EXPECT_EQ(u, 5.0);
+  EXPECT_EQ(x_ref[1], 0.0);
+  EXPECT_FALSE(p.evaluate(300, x, &u, x_ref));
+  EXPECT_EQ(u, 0.0);
+  EXPECT_EQ(x_ref[1], 30.0);
+  EXPECT_FALSE(Policy{}.evaluate(0, x, &u, x_ref));
+}
+
+}  // namespace
+}  // namespace wb::mpc_test
