@@ -71,6 +71,44 @@ wb::DaemonConfig make_config(const Options& o, std::uint64_t seed) {
   return c;
 }
 
+// Where the hand is against its reference, and what the solver's terms cost: why a run goes as it goes.
+void print_state(wb::System& system, wb::TimeNs now) {
+  const wb::RobotState& s = system.state();
+  const wb::RobotModel& model = system.model();
+  wb::StateVector x(model.nx());
+  for (int i = 0; i < model.base_dof(); ++i) x[i] = s.base[i];
+  for (int i = 0; i < model.joints(); ++i) x[model.base_dof() + i] = s.q[i];
+  wb::RobotModel::Data data;
+  model.forward_kinematics(x.data(), data);
+  const Eigen::Isometry3d X_WE = model.X_WF(model.end_effector(), data);
+  double position = 0, rotation = 0;
+  const wb::Reference& r = system.reference();
+  if (r.ee_count > 0) {
+    const Eigen::Isometry3d X_ref = r.ee[0].X_WE.isometry();
+    position = (X_WE.translation() - X_ref.translation()).norm();
+    rotation = Eigen::AngleAxisd(X_WE.linear().transpose() * X_ref.linear()).angle();
+  }
+  const wb::SolveReport& report = system.solve_report();
+  std::fprintf(stderr, "%8.3f s %-10s base %6.2f %6.2f %6.2f v %5.2f %5.2f hand off by %.4f m %.3f rad; %s step %.3f cost %.3g -> %.3g;",
+               wb::to_seconds(now), std::string(to_string(s.phase)).c_str(), s.base[0], s.base[1], s.base[2], s.base_velocity[0],
+               s.base_velocity[1], position, rotation, std::string(to_string(report.status)).c_str(), report.step, report.cost_before,
+               report.cost_after);
+  const auto terms = system.problem().terms();
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    if (report.term_cost[i] > 1e-3) std::fprintf(stderr, " %s %.3g", std::string(terms[i]->name()).c_str(), report.term_cost[i]);
+  }
+  // The spheres nearest to what the map holds.
+  if (const wb::DistanceField* field = system.arrows().field.read()) {
+    for (std::size_t i = 0; i < model.spheres().size(); ++i) {
+      const wb::Sphere& sphere = model.spheres()[i];
+      const Eigen::Vector3d p = data.X_WL[sphere.body] * sphere.centre;
+      const double gap = field->distance(p) - sphere.radius;
+      if (gap < 0.02) std::fprintf(stderr, " sphere %zu%s gap %.3f at %.2f %.2f %.2f", i, sphere.masked ? " (masked)" : "", gap, p.x(), p.y(), p.z());
+    }
+  }
+  std::fprintf(stderr, "\n");
+}
+
 Line run_one(const Options& o, int run) {
   Line line;
   line.run = run;
@@ -107,6 +145,7 @@ Line run_one(const Options& o, int run) {
 
   bool ended = false, reached = false;
   wb::Phase last_phase = wb::Phase::kNone;
+  wb::TimeNs next_print = 0;
   while (!ended) {
     const wb::TimeNs now = lockstep.run_next();
     if (recorder) recorder->drain(system.arrows());
@@ -117,6 +156,10 @@ Line run_one(const Options& o, int run) {
       // The pre-grasp pose is reached when the sequencer goes on to the grasp.
       if (o.until == "pre-grasp" && phase == wb::Phase::kGrasp) ended = reached = true;
       last_phase = phase;
+    }
+    if (o.verbose && now >= next_print) {
+      next_print = now + wb::kNanosPerSecond / 2;
+      print_state(system, now);
     }
     wb::RequestStatus status;
     while (system.arrows().statuses.pop(status)) {
@@ -169,7 +212,7 @@ int main(int argc, char** argv) {
   app.add_option("--record", o.record, "record the run (with several: FILE.SEED each)");
   app.add_option("--pictures", o.pictures, "folder for run.csv and pictures");
   app.add_option("--config", o.config)->check(CLI::ExistingFile)->capture_default_str();
-  app.add_flag("--verbose", o.verbose, "phases on stderr");
+  app.add_flag("--verbose", o.verbose, "phases, tracking errors and term costs on stderr");
   CLI11_PARSE(app, argc, argv);
 
   // A process for each job; every one writes whole lines into one pipe, smaller than the pipe's atomic size.

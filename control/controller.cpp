@@ -27,7 +27,8 @@ void Controller::report(ControlOutput& out, std::uint64_t id, RequestOutcome out
 bool Controller::joints_measured(const Readings& r) const RT_SAFE {
   if (r.joint_count != model_->joints()) return false;
   const auto good = [&](const JointReading& j) {
-    return j.valid && j.age_ns <= reading_memory_ns_ && std::isfinite(j.position);
+    return j.valid && j.age_ns <= reading_memory_ns_ && std::isfinite(j.position) && std::isfinite(j.velocity) &&
+           std::isfinite(j.torque);
   };
   return std::all_of(r.joints.begin(), r.joints.begin() + r.joint_count, good) &&
          std::all_of(r.wheels.begin(), r.wheels.begin() + r.wheel_count, good);

@@ -21,6 +21,8 @@ TaskSequencer::TaskSequencer(std::shared_ptr<const RobotModel> model, const conf
   t.finish();
   pre_grasp_standoff_m_ = section.number("pre_grasp_standoff_m", kPositive);
   grasp_depth_m_ = section.number("grasp_depth_m");
+  regrasp_back_m_ = section.number("regrasp_back_m");
+  grasp_tolerance_m_ = section.number("grasp_tolerance_m", kPositive);
   grasp_speed_mps_ = section.number("grasp_speed_mps", kPositive);
   retreat_distance_m_ = section.number("retreat_distance_m", kPositive);
   retreat_speed_mps_ = section.number("retreat_speed_mps", kPositive);
@@ -216,13 +218,14 @@ void TaskSequencer::pre_grasp(const TaskInput& in, Reference& ref) RT_SAFE {
 
 void TaskSequencer::grasp(const TaskInput& in, Reference& ref) RT_SAFE {
   const RobotState& s = *in.state;
-  const Eigen::Isometry3d target = hand_pose(-grasp_depth_m_);
+  // Closed beside the bar: most likely it lay behind the pads, so the second try stays further out.
+  const Eigen::Isometry3d target = hand_pose(regrasps_ * regrasp_back_m_ - grasp_depth_m_);
   line(line_from_, target, phase_start_, grasp_speed_mps_, ref);
   set_posture(model_->config().ready, 0.1, ref);
   set_masks(plan_.articulation.value, ref);
   if (!closing_) {
     const TimeNs arrival = ref.ee[1].t_ns;
-    const bool there = (X_WE_.translation() - target.translation()).norm() < hand_tolerance_m_;
+    const bool there = (X_WE_.translation() - target.translation()).norm() < grasp_tolerance_m_;
     if (in.t_ns > arrival && there) {
       closing_ = true;
       closing_since_ = in.t_ns;

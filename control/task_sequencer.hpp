@@ -79,7 +79,7 @@ class TaskSequencer {
 
   std::shared_ptr<const RobotModel> model_;
   Limits limits_;
-  double pre_grasp_standoff_m_, grasp_depth_m_, grasp_speed_mps_, retreat_distance_m_, retreat_speed_mps_;
+  double pre_grasp_standoff_m_, grasp_depth_m_, regrasp_back_m_, grasp_tolerance_m_, grasp_speed_mps_, retreat_distance_m_, retreat_speed_mps_;
   double reach_distance_m_, base_tolerance_m_, base_tolerance_rad_, hand_tolerance_m_, hand_tolerance_rad_;
   double grip_force_n_, grip_settle_s_, closed_margin_m_, slip_m_;
   double prismatic_speed_mps_, revolute_speed_radps_, lag_max_m_, lag_max_rad_, default_fraction_, progress_timeout_s_;

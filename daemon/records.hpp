@@ -24,6 +24,7 @@ struct ControlRecord {
 struct MpcRecord {
   TimeNs t_ns = 0;
   std::uint64_t state_seq = 0, reference_seq = 0, field_seq = 0;
+  bool cold = false;                 // first since control last stopped following: the warm start was forgotten
   std::uint64_t policy_seq = 0;      // of the result
   SolveReport report;
 };

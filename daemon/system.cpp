@@ -131,13 +131,20 @@ void System::mpc_step(TimeNs now) {
   mpc_pending_ = false;
   const RobotState* state = arrows_.state.read();
   const Reference* reference = arrows_.reference.read();
-  if (!state || !reference || state->mode != Mode::kActive) return;
+  if (!state || !reference || state->mode != Mode::kActive) {
+    following_ = false;
+    return;
+  }
   const DistanceField* field = arrows_.field.read();
   MpcRecord& r = mpc_record_;
   r.t_ns = now;
   r.state_seq = state->seq;
   r.reference_seq = reference->seq;
   r.field_seq = field ? field->seq : 0;
+  // The solver takes its own last policy for what moves the robot now; after a rest that is not so.
+  r.cold = !following_;
+  following_ = true;
+  if (r.cold) planner_.reset();
   (void)planner_.step(*state, *reference, field, arrows_.policy.writing(), r.report);
   mpc_pending_ = true;
 }

@@ -42,6 +42,8 @@ class System {
   std::uint64_t state_hash() const { return hash_.value(); }
   // Of the newest steps; read between them only (Lockstep, benches).
   const RobotState& state() const { return state_; }
+  const Reference& reference() const { return reference_; }
+  const OptimalControlProblem& problem() const { return planner_.problem(); }
   const SolveReport& solve_report() const { return mpc_record_.report; }
   const MapReport& map_report() const { return mapping_record_.report; }
   const Policy& newest_policy() const { return last_policy_; }
@@ -80,7 +82,7 @@ class System {
   RequestStatus newest_status_;
   // mpc
   MpcRecord mpc_record_;
-  bool mpc_pending_ = false;
+  bool mpc_pending_ = false, following_ = false;
   // frames
   std::uint64_t frame_seq_ = 0;
   int shoulder_camera_ = -1;

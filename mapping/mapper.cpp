@@ -50,7 +50,7 @@ struct MapperConfig {
         Range{c.map.resolution_m, DistanceTransform::kMaxTruncation * c.map.resolution_m});
     c.truncation = static_cast<int>(std::lround(truncation_m / c.map.resolution_m));
     c.robot_padding_m = file.number("robot_padding_m", Range{0.0, 0.5});
-    c.no_return_carve_m = file.number("no_return_carve_m", config::kNonNegative);
+    c.no_return_carve_m = file.number("no_return_carve_m", Range{0.0, 100.0});
     file.finish();
     const double half_m = 0.5 * std::min(c.map.size[0], c.map.size[1]) * c.map.resolution_m;
     if (half_m < c.map.recentre_m + c.map.resolution_m + robot.base.bounding_radius_m) {
@@ -77,13 +77,16 @@ struct Mapper::Impl {
     }
   }
 
-  // The frame fits a camera of the robot, and its pixels fit the storage.
+  // The frame is of a camera of the robot, its pixels fit the storage, and its rays are finite.
   bool fits(const DepthFrame& frame) const {
     const CameraIntrinsics& k = frame.intrinsics;
-    return frame.camera >= 0 && frame.camera < static_cast<int>(camera_frames.size()) &&
-           k.width > 0 && k.height > 0 && k.width <= config.map.rays_per_scan / k.height &&
-           frame.depth.size() == static_cast<std::size_t>(k.width) * k.height && k.fx > 0 &&
-           k.fy > 0 && std::isfinite(k.cx) && std::isfinite(k.cy) && k.range_min_m > 0;
+    const bool size = k.width > 0 && k.height > 0 &&
+                      k.width <= config.map.rays_per_scan / k.height &&
+                      frame.depth.size() == static_cast<std::size_t>(k.width) * k.height;
+    const bool rays = k.fx >= 1 && k.fy >= 1 && std::abs(k.cx) < 1e5 && std::abs(k.cy) < 1e5 &&
+                      k.range_min_m > 0 && k.range_max_m < 1e3;
+    return frame.camera >= 0 && frame.camera < static_cast<int>(camera_frames.size()) && size &&
+           rays;
   }
 
   bool integrate(const DepthFrame& frame, MapReport& report) RT_SAFE {

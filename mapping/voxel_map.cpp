@@ -20,7 +20,7 @@ std::int16_t seen(int value) {
   return static_cast<std::int16_t>(value == kUnknown || value == kBehind ? -1 : value);
 }
 
-int wrap(int i, int n) { return ((i % n) + n) % n; }
+int wrap(std::int64_t i, int n) { return static_cast<int>(((i % n) + n) % n); }
 
 }  // namespace
 
@@ -55,7 +55,8 @@ void VoxelMap::follow(const Eigen::Vector2d& p_WB) RT_SAFE {
   if (!moved) return;
   const std::array<int, 2> old = corner_;
   corner_ = corner;
-  turn_ = wrap(turn_ + (corner_[0] - old[0]) + (corner_[1] - old[1]) * config_.size[0], voxels_);
+  const std::int64_t rows = corner_[1] - old[1];
+  turn_ = wrap(turn_ + (corner_[0] - old[0]) + rows * config_.size[0], voxels_);
   // What was not in the old window is unknown.
   const auto [nx, ny, nz] = config_.size;
   for (int j = 0; j < ny; ++j) {

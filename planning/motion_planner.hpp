@@ -17,6 +17,9 @@ class MotionPlanner {
   [[nodiscard]] SolveStatus step(const RobotState& state, const Reference& reference, const DistanceField* field, Policy& policy,
                                  SolveReport& report) RT_SAFE;
 
+  // Forgets the warm start: call before the first step after control did not follow the policy.
+  void reset() RT_SAFE { solver_.reset(); }
+
   const Reference& expanded_reference() const { return reference_; }   // with the route, for views
   const OptimalControlProblem& problem() const { return *problem_; }
 

@@ -1,7 +1,7 @@
 #include "core/model/robot_model.hpp"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
-#include <cmath>
 
 #include "core/config/config.hpp"
 #include "core/model/urdf_file.hpp"

@@ -53,9 +53,9 @@ class RobotModel {
 
   // Poses and scratch of one configuration; fixed size, no heap.
   struct Data {
-    std::array<Eigen::Isometry3d, kMaxBodies>
-        X_WL;  // body frames (body 0 = base; body i = after joint i - 1)
-    std::array<Eigen::Vector3d, kMaxBodies> axis_W;  // joint axes
+    // Body frames: body 0 is the base, body i is moved by joint i - 1.
+    std::array<Eigen::Isometry3d, kMaxBodies> X_WL;
+    std::array<Eigen::Vector3d, kMaxBodies> axis_W;  // of the joint that moves the body
   };
 
   // Fixed children are merged; movable joints that robot.yaml does not list (wheels, fingers) are

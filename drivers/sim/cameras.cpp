@@ -10,7 +10,8 @@ namespace {
 constexpr int kQuantileBits = 12;
 constexpr int kDropoutBits = 20;
 
-// The standard normal's quantiles at the middles of equal shares, scaled to unit variance: noise for one table look-up a pixel.
+// The standard normal's quantiles at the middles of equal shares, scaled to unit variance: noise
+// for one table look-up a pixel.
 std::vector<float> normal_quantiles() {
   constexpr int kCount = 1 << kQuantileBits;
   std::vector<double> z(kCount);
@@ -32,7 +33,8 @@ std::vector<float> normal_quantiles() {
 
 }  // namespace
 
-Cameras::Camera::Camera(const CameraConfig& config, const Plant& plant, std::uint64_t seed, std::uint64_t index, bool colour)
+Cameras::Camera::Camera(const CameraConfig& config, const Plant& plant, std::uint64_t seed,
+                        std::uint64_t index, bool colour)
     : body(plant.body(config.name)),
       intrinsics(config.intrinsics),
       rate_hz(config.rate_hz),
@@ -57,7 +59,8 @@ Cameras::Cameras(const PluginConfig& config, const Plant& plant)
       exposures_(config.render_thread ? kExposures : 1, Exposure{GeomPoses(plant.model()), {}, 0}) {
   int width = 1, height = 1;
   for (std::size_t i = 0; i < config.robot.cameras.size(); ++i) {
-    cameras_.push_back(std::make_unique<Camera>(config.robot.cameras[i], plant, config.seed, i, colour_));
+    cameras_.push_back(
+        std::make_unique<Camera>(config.robot.cameras[i], plant, config.seed, i, colour_));
     width = std::max(width, cameras_.back()->intrinsics.width);
     height = std::max(height, cameras_.back()->intrinsics.height);
   }
@@ -79,7 +82,7 @@ void Cameras::expose(const Plant& plant, TimeNs offset_ns) noexcept {
     Camera& camera = *cameras_[i];
     if (!camera.due(t_ns)) continue;
     due |= 1u << i;
-    while (camera.due(t_ns)) ++camera.next;   // a rate above the physics' skips
+    while (camera.due(t_ns)) ++camera.next;  // a rate above the physics' skips
   }
   if (due == 0) return;
   if (handed_ - developed_.load(std::memory_order_acquire) == exposures_.size()) {
@@ -119,7 +122,8 @@ void Cameras::develop(const Exposure& exposure) noexcept {
     }
     const CameraIntrinsics& k = camera.intrinsics;
     caster_->render(exposure.poses, exposure.X_SC[i], k);
-    for (int v = 0; v < k.height; ++v) std::copy_n(caster_->depth_row(v), k.width, slot->depth.begin() + v * k.width);
+    for (int v = 0; v < k.height; ++v)
+      std::copy_n(caster_->depth_row(v), k.width, slot->depth.begin() + v * k.width);
     if (colour_) painter_.paint(*caster_, exposure.poses, exposure.X_SC[i], k, slot->colour.data());
     add_noise(camera, slot->depth);
     slot->t_ns.store(exposure.poses.t_ns, std::memory_order_relaxed);
@@ -137,10 +141,14 @@ Cameras::Slot* Cameras::take_slot(Camera& camera) noexcept {
   }
   Slot* oldest = nullptr;
   for (Slot& slot : camera.slots) {
-    if (slot.state.load(std::memory_order_acquire) == kReady && (!oldest || slot.t_ns < oldest->t_ns)) oldest = &slot;
+    if (slot.state.load(std::memory_order_acquire) == kReady &&
+        (!oldest || slot.t_ns < oldest->t_ns))
+      oldest = &slot;
   }
   int expected = kReady;
-  if (!oldest || !oldest->state.compare_exchange_strong(expected, kWriting, std::memory_order_acq_rel)) return nullptr;
+  if (!oldest ||
+      !oldest->state.compare_exchange_strong(expected, kWriting, std::memory_order_acq_rel))
+    return nullptr;
   dropped_.fetch_add(1, std::memory_order_relaxed);
   return oldest;
 }
@@ -149,7 +157,8 @@ void Cameras::add_noise(Camera& camera, std::vector<float>& depth) noexcept {
   constexpr std::uint32_t kQuantileMask = (1u << kQuantileBits) - 1;
   const auto dropout = static_cast<std::uint32_t>(noise_.depth_dropout * (1u << kDropoutBits));
   const auto sigma = static_cast<float>(noise_.depth_per_m);
-  const auto low = static_cast<float>(camera.intrinsics.range_min_m), high = static_cast<float>(camera.intrinsics.range_max_m);
+  const auto low = static_cast<float>(camera.intrinsics.range_min_m),
+             high = static_cast<float>(camera.intrinsics.range_max_m);
   constexpr float kNone = std::numeric_limits<float>::infinity();
   std::uint64_t bits = 0;
   for (std::size_t i = 0; i < depth.size(); ++i) {
@@ -177,8 +186,9 @@ wb_status Cameras::acquire(wb_frame& frame) noexcept {
     }
     if (!oldest) return WB_NO_DATA;
     int expected = kReady;
-    if (!oldest->state.compare_exchange_strong(expected, kTaken, std::memory_order_acq_rel)) continue;
-    if (oldest->t_ns > visible) {   // overwritten meanwhile by one that is still under way
+    if (!oldest->state.compare_exchange_strong(expected, kTaken, std::memory_order_acq_rel))
+      continue;
+    if (oldest->t_ns > visible) {  // overwritten meanwhile by one that is still under way
       oldest->state.store(kReady, std::memory_order_release);
       continue;
     }
@@ -186,7 +196,8 @@ wb_status Cameras::acquire(wb_frame& frame) noexcept {
     frame.t_ns = oldest->t_ns;
     frame.depth = oldest->depth.data();
     frame.colour = colour_ ? oldest->colour.data() : nullptr;
-    frame.token = index * kSlots + static_cast<std::uint64_t>(oldest - cameras_[index]->slots.data());
+    frame.token =
+        index * kSlots + static_cast<std::uint64_t>(oldest - cameras_[index]->slots.data());
     return WB_OK;
   }
 }
@@ -195,7 +206,8 @@ wb_status Cameras::release(std::uint64_t token) noexcept {
   if (token >= cameras_.size() * kSlots) return WB_ERROR;
   Slot& slot = cameras_[token / kSlots]->slots[token % kSlots];
   int expected = kTaken;
-  return slot.state.compare_exchange_strong(expected, kFree, std::memory_order_acq_rel) ? WB_OK : WB_ERROR;
+  return slot.state.compare_exchange_strong(expected, kFree, std::memory_order_acq_rel) ? WB_OK
+                                                                                        : WB_ERROR;
 }
 
 }  // namespace wb::sim

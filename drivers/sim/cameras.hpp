@@ -1,7 +1,8 @@
-// The depth cameras: exposures on the plant's time, noise, delay, and the ring of frames that the plugin owns.
-// Exposure k of a camera is taken at the first physics step at or after ceil(k / rate), stamped with that step's time, and can be
-// acquired once the delay has passed. expose() runs in the port that advances the plant and renders there (about 0.15 ms a frame), or
-// hands the geoms' poses to a worker thread. acquire() and release(): one other thread.
+// The depth cameras: exposures on the plant's time, noise, delay, and the ring of frames that the
+// plugin owns. Exposure k of a camera is taken at the first physics step at or after ceil(k /
+// rate), stamped with that step's time, and can be acquired once the delay has passed. expose()
+// runs in the port that advances the plant and renders there (about 0.1 ms a frame), or hands the
+// geoms' poses to a worker thread. acquire() and release(): one other thread.
 #pragma once
 #include <array>
 #include <atomic>
@@ -21,7 +22,8 @@ class Cameras {
   Cameras(const PluginConfig& config, const Plant& plant);
   ~Cameras();
 
-  // Takes the exposures that are due. The frames' stamps are the plant's time plus offset_ns, the host's clock.
+  // Takes the exposures that are due. The frames' stamps are the plant's time plus offset_ns, the
+  // host's clock.
   void expose(const Plant& plant, TimeNs offset_ns) noexcept;
   wb_status acquire(wb_frame& frame) noexcept;
   wb_status release(std::uint64_t token) noexcept;
@@ -29,8 +31,8 @@ class Cameras {
   std::uint64_t dropped() const noexcept { return dropped_.load(std::memory_order_relaxed); }
 
  private:
-  static constexpr int kSlots = 6;       // of each camera
-  static constexpr int kExposures = 4;   // that may wait for the worker
+  static constexpr int kSlots = 6;      // of each camera
+  static constexpr int kExposures = 4;  // that may wait for the worker
 
   enum SlotState : int { kFree, kWriting, kReady, kTaken };
   struct Slot {
@@ -43,17 +45,18 @@ class Cameras {
     int body = 0;
     CameraIntrinsics intrinsics;
     double rate_hz = 0;
-    std::int64_t next = 0;               // number of the next exposure
+    std::int64_t next = 0;  // number of the next exposure
     Random random;
     std::array<Slot, kSlots> slots;
 
-    Camera(const CameraConfig& config, const Plant& plant, std::uint64_t seed, std::uint64_t index, bool colour);
+    Camera(const CameraConfig& config, const Plant& plant, std::uint64_t seed, std::uint64_t index,
+           bool colour);
     bool due(TimeNs t_ns) const noexcept;
   };
   struct Exposure {
     GeomPoses poses;
     std::array<Eigen::Isometry3d, kMaxCameras> X_SC;
-    unsigned due = 0;                    // bit mask of cameras
+    unsigned due = 0;  // bit mask of cameras
   };
 
   void develop(const Exposure& exposure) noexcept;
@@ -68,8 +71,8 @@ class Cameras {
   std::vector<float> normal_quantiles_;
   std::unique_ptr<RayCaster> caster_;
   Painter painter_;
-  std::vector<Exposure> exposures_;      // a ring for the worker; without one, only the first is used
-  std::atomic<TimeNs> now_ns_{0};        // on the host's clock
+  std::vector<Exposure> exposures_;  // a ring for the worker; without one, only the first is used
+  std::atomic<TimeNs> now_ns_{0};    // on the host's clock
   std::atomic<std::uint64_t> dropped_{0};
 
   std::uint64_t handed_ = 0;

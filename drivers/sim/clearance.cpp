@@ -20,7 +20,7 @@ std::shared_ptr<fcl::CollisionGeometryd> shape(const mjModel& model, int geom) {
     case mjGEOM_ELLIPSOID:
       return std::make_shared<fcl::Ellipsoidd>(s[0], s[1], s[2]);
     default:
-      return nullptr;   // the floor
+      return nullptr;  // the floor
   }
 }
 
@@ -31,14 +31,16 @@ Clearance::Clearance(const mjModel& model, const ContactLog& kinds) {
     const std::shared_ptr<fcl::CollisionGeometryd> geometry = shape(model, geom);
     if (!geometry) continue;
     (kinds.is_robot(geom) ? robot_ : scene_)
-        .push_back({geom, model.geom_rbound[geom], std::make_unique<fcl::CollisionObjectd>(geometry)});
+        .push_back(
+            {geom, model.geom_rbound[geom], std::make_unique<fcl::CollisionObjectd>(geometry)});
   }
   pairs_.reserve(robot_.size() * scene_.size());
 }
 
 void Clearance::update(std::vector<Body>& bodies, const mjData& data) {
   for (Body& body : bodies) {
-    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(data.geom_xmat + 9 * body.geom);
+    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(data.geom_xmat +
+                                                                           9 * body.geom);
     const Eigen::Map<const Eigen::Vector3d> p(data.geom_xpos + 3 * body.geom);
     body.object->setTransform(R, p);
   }
@@ -52,17 +54,20 @@ double Clearance::robot_to_scene(const mjData& data, const std::vector<bool>& sk
   for (std::size_t i = 0; i < robot_.size(); ++i) {
     for (std::size_t j = 0; j < scene_.size(); ++j) {
       if (skipped[scene_[j].geom]) continue;
-      const double between = (robot_[i].object->getTranslation() - scene_[j].object->getTranslation()).norm();
+      const double between =
+          (robot_[i].object->getTranslation() - scene_[j].object->getTranslation()).norm();
       pairs_.push_back({between - robot_[i].bounding_radius - scene_[j].bounding_radius, i, j});
     }
   }
-  std::sort(pairs_.begin(), pairs_.end(), [](const Pair& a, const Pair& b) { return a.lower_bound < b.lower_bound; });
+  std::sort(pairs_.begin(), pairs_.end(),
+            [](const Pair& a, const Pair& b) { return a.lower_bound < b.lower_bound; });
   double nearest = std::numeric_limits<double>::infinity();
   for (const Pair& pair : pairs_) {
     if (pair.lower_bound >= nearest) break;
     fcl::DistanceRequestd request;
     fcl::DistanceResultd result;
-    fcl::distance(robot_[pair.robot].object.get(), scene_[pair.scene].object.get(), request, result);
+    fcl::distance(robot_[pair.robot].object.get(), scene_[pair.scene].object.get(), request,
+                  result);
     nearest = std::min(nearest, std::max(result.min_distance, 0.0));
   }
   return nearest;

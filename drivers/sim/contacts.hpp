@@ -1,5 +1,5 @@
-// Which geoms touched the robot since the start: distinct pairs, in the order of their first touch. Step world.
-// Left out: a finger on a handle, and a wheel or castor on the floor.
+// Which geoms touched the robot since the start: distinct pairs, in the order of their first touch.
+// Step world. Left out: a finger on a handle, and a wheel or castor on the floor.
 #pragma once
 #include <mujoco/mujoco.h>
 
@@ -12,7 +12,7 @@ namespace wb::sim {
 
 struct Touch {
   TimeNs t_ns = 0;
-  int robot_geom = 0, other_geom = 0;   // other_geom may be the robot's too
+  int robot_geom = 0, other_geom = 0;  // other_geom may be the robot's too
 };
 
 class ContactLog {
@@ -29,8 +29,8 @@ class ContactLog {
 
   bool expected(unsigned a, unsigned b) const noexcept;
 
-  std::vector<unsigned> kinds_;         // by geom
-  std::vector<bool> seen_;              // by pair
+  std::vector<unsigned> kinds_;  // by geom
+  std::vector<bool> seen_;       // by pair
   std::vector<Touch> touches_;
 };
 

@@ -1,11 +1,10 @@
 // The tables of truth.h.
-#include "drivers/sim/truth.h"
-
 #include <cmath>
 #include <cstring>
 #include <limits>
 
 #include "drivers/sim/instance.hpp"
+#include "drivers/sim/truth.h"
 
 namespace wb::sim {
 namespace {
@@ -23,7 +22,9 @@ wb_sim_pose to_c(const Isometry3d& X) {
 
 Isometry3d from_c(const wb_sim_pose& pose) {
   Isometry3d X = Isometry3d::Identity();
-  X.linear() = Eigen::Quaterniond(pose.q[3], pose.q[0], pose.q[1], pose.q[2]).normalized().toRotationMatrix();
+  X.linear() = Eigen::Quaterniond(pose.q[3], pose.q[0], pose.q[1], pose.q[2])
+                   .normalized()
+                   .toRotationMatrix();
   X.translation() = Eigen::Map<const Vector3d>(pose.p);
   return X;
 }
@@ -47,7 +48,9 @@ wb_sim_pose base_pose(const wb_driver* driver) {
   return to_c(driver->plant.X_S(driver->plant.body(driver->config.robot.base.link)));
 }
 wb_sim_pose spawn_pose(const wb_driver* driver) { return to_c(driver->plant.spawn_pose()); }
-std::uint32_t object_count(const wb_driver* driver) { return static_cast<std::uint32_t>(driver->objects.size()); }
+std::uint32_t object_count(const wb_driver* driver) {
+  return static_cast<std::uint32_t>(driver->objects.size());
+}
 
 wb_status object(const wb_driver* driver, std::uint32_t index, wb_sim_object* out) {
   if (index >= driver->objects.size()) return WB_ERROR;
@@ -116,12 +119,13 @@ wb_status hand_in_handle(const wb_driver* driver, std::uint32_t index, wb_sim_po
   if (index >= driver->objects.size()) return WB_ERROR;
   const Object& o = driver->objects[index];
   const Isometry3d X_SG = driver->plant.X_S(o.body) * o.part->handle.X_body;
-  *out = to_c(X_SG.inverse(Eigen::Isometry) * driver->plant.X_S(driver->plant.body(driver->config.robot.end_effector)));
+  *out = to_c(X_SG.inverse(Eigen::Isometry) *
+              driver->plant.X_S(driver->plant.body(driver->config.robot.end_effector)));
   return WB_OK;
 }
 
-wb_status render(wb_driver* driver, std::uint32_t width, std::uint32_t height, const wb_sim_pose* X_SC, double width_rad,
-                 std::uint8_t* rgb) {
+wb_status render(wb_driver* driver, std::uint32_t width, std::uint32_t height,
+                 const wb_sim_pose* X_SC, double width_rad, std::uint8_t* rgb) {
   if (width == 0 || height == 0 || width > 1920 || height > 1200 || rgb == nullptr) return WB_ERROR;
   const Scene& scene = driver->config.scene;
   const mjModel& model = driver->plant.model();
@@ -135,7 +139,8 @@ wb_status render(wb_driver* driver, std::uint32_t width, std::uint32_t height, c
     X.translation() = scene.view.position;
   }
   const double f = 0.5 * width / std::tan(0.5 * (width_rad > 0 ? width_rad : scene.view.width_rad));
-  const CameraIntrinsics camera{static_cast<int>(width), static_cast<int>(height), f, f, 0.5 * width, 0.5 * height, 0, 1e3};
+  const CameraIntrinsics camera{
+      static_cast<int>(width), static_cast<int>(height), f, f, 0.5 * width, 0.5 * height, 0, 1e3};
   GeomPoses poses(model);
   poses.take(driver->plant.data(), driver->now_ns());
   const Painter painter(model, scene.light);
@@ -178,8 +183,11 @@ wb_status push(wb_driver* driver, const char* link, const double force[3], const
   return WB_OK;
 }
 
-constexpr wb_sim_truth kTruth = {time_ns,       base_pose, spawn_pose, object_count, object,
-                                 contact_count, contact,   clearance,  link_pose,    hand_in_handle};
+std::uint64_t frames_dropped(const wb_driver* driver) { return driver->cameras.dropped(); }
+
+constexpr wb_sim_truth kTruth = {time_ns,   base_pose,      spawn_pose,    object_count,
+                                 object,    contact_count,  contact,       clearance,
+                                 link_pose, hand_in_handle, frames_dropped};
 constexpr wb_sim_view kView = {render};
 constexpr wb_sim_fault kFault = {stop_answering, freeze, emergency_stop, set_object, push};
 
@@ -194,12 +202,12 @@ const void* find_extension(const char* name) {
 
 }  // namespace wb::sim
 
-wb_driver::wb_driver(wb::sim::PluginConfig c, wb_log log_function, void* user)
-    : config(std::move(c)), plant(config), cameras(config, plant), log(log_function), log_user(user) {
+wb_driver::wb_driver(wb::sim::PluginConfig c)
+    : config(std::move(c)), plant(config), cameras(config, plant) {
   for (const wb::sim::Unit& unit : config.scene.units) {
     for (const wb::sim::Part& part : unit.parts) {
-      objects.push_back({&unit, &part, mj_name2id(&plant.model(), mjOBJ_JOINT, part.name.c_str()), plant.body(part.name),
-                         plant.body(unit.name)});
+      objects.push_back({&unit, &part, mj_name2id(&plant.model(), mjOBJ_JOINT, part.name.c_str()),
+                         plant.body(part.name), plant.body(unit.name)});
     }
   }
 }

@@ -27,16 +27,26 @@ Solid box(std::string name, const Vector3d& centre, const Vector3d& half, std::s
 }
 
 // A capsule between two points.
-Solid capsule(std::string name, const Vector3d& a, const Vector3d& b, double radius, std::string colour) {
-  Solid s{std::move(name), Solid::Kind::kCapsule, {radius, 0.5 * (b - a).norm(), 0}, at(0.5 * (a + b)),
+Solid capsule(std::string name, const Vector3d& a, const Vector3d& b, double radius,
+              std::string colour) {
+  Solid s{std::move(name),
+          Solid::Kind::kCapsule,
+          {radius, 0.5 * (b - a).norm(), 0},
+          at(0.5 * (a + b)),
           std::move(colour)};
-  s.X_body.linear() = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), b - a).toRotationMatrix();
+  s.X_body.linear() =
+      Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), b - a).toRotationMatrix();
   return s;
 }
 
 // A flat cylinder whose axis is x.
-Solid disc(std::string name, const Vector3d& centre, double radius, double half_length, std::string colour) {
-  Solid s{std::move(name), Solid::Kind::kCylinder, {radius, half_length, 0}, at(centre), std::move(colour)};
+Solid disc(std::string name, const Vector3d& centre, double radius, double half_length,
+           std::string colour) {
+  Solid s{std::move(name),
+          Solid::Kind::kCylinder,
+          {radius, half_length, 0},
+          at(centre),
+          std::move(colour)};
   s.X_body.linear() = AngleAxisd(0.5 * std::numbers::pi, Vector3d::UnitY()).toRotationMatrix();
   return s;
 }
@@ -97,7 +107,8 @@ PartJoint revolute(const Keys& k, const Vector3d& axis) {
   return j;
 }
 
-// Puts the handle that the part's section describes on the front at x = face, its bar's centre at (y, z) of the body.
+// Puts the handle that the part's section describes on the front at x = face, its bar's centre at
+// (y, z) of the body.
 void add_handle(Part& part, const Keys& keys, double face, double y, double z, bool vertical) {
   const Section s = keys.scene().section("handle");
   part.handle.length_m = s.number("length_m", kPositive);
@@ -119,7 +130,8 @@ void add_handle(Part& part, const Keys& keys, double face, double y, double z, b
     part.solids.push_back(capsule(part.name + (side < 0 ? "/post_a" : "/post_b"), foot,
                                   foot + stand_off * Vector3d::UnitX(), kPostRadius_m, "bar"));
   }
-  for (std::size_t i = part.solids.size() - 3; i < part.solids.size(); ++i) part.solids[i].handle = true;
+  for (std::size_t i = part.solids.size() - 3; i < part.solids.size(); ++i)
+    part.solids[i].handle = true;
 }
 
 Part build_drawer(const Keys& k, const Space& space) {
@@ -133,18 +145,22 @@ Part build_drawer(const Keys& k, const Space& space) {
   part.joint = prismatic(k);
   part.mass_kg = k.number("mass_kg", kPositive);
 
-  const double half_depth = 0.45 * space.depth_m;             // the box is a little shorter than its carcass
+  const double half_depth = 0.45 * space.depth_m;  // the box is a little shorter than its carcass
   const double floor_z = -0.5 * height + kInset, half_side = 0.3 * height;
   const double x = half_depth + kHalfFront, y = half_width - kInset;
-  part.solids = {
-      box(part.name + "/front", Vector3d::Zero(), {kHalfFront, half_width - kGap_m, 0.5 * height - kGap_m}, colour),
-      box(part.name + "/floor", {x, 0, floor_z}, {half_depth, y, kHalfSheet}, "white"),
-      box(part.name + "/side_a", {x, -y, floor_z + half_side}, {half_depth, kHalfSheet, half_side}, "white"),
-      box(part.name + "/side_b", {x, y, floor_z + half_side}, {half_depth, kHalfSheet, half_side}, "white"),
-      box(part.name + "/back", {2 * half_depth, 0, floor_z + half_side}, {kHalfSheet, y, half_side}, "white")};
+  part.solids = {box(part.name + "/front", Vector3d::Zero(),
+                     {kHalfFront, half_width - kGap_m, 0.5 * height - kGap_m}, colour),
+                 box(part.name + "/floor", {x, 0, floor_z}, {half_depth, y, kHalfSheet}, "white"),
+                 box(part.name + "/side_a", {x, -y, floor_z + half_side},
+                     {half_depth, kHalfSheet, half_side}, "white"),
+                 box(part.name + "/side_b", {x, y, floor_z + half_side},
+                     {half_depth, kHalfSheet, half_side}, "white"),
+                 box(part.name + "/back", {2 * half_depth, 0, floor_z + half_side},
+                     {kHalfSheet, y, half_side}, "white")};
   part.com = {0.8 * half_depth, 0, 0};
   part.inertia = box_inertia(part.mass_kg, {half_depth, half_width, 0.5 * height});
-  add_handle(part, k, -kHalfFront, 0, k.number("handle_height_m", {bottom, top}) - part.p_U.z(), false);
+  add_handle(part, k, -kHalfFront, 0, k.number("handle_height_m", {bottom, top}) - part.p_U.z(),
+             false);
   return part;
 }
 
@@ -181,7 +197,9 @@ Part build_bottom_door(const Keys& k, const Space& space) {
 }
 
 // +1 where the hinge is to the left of who looks at the front, -1 to the right.
-int hinge_side(const Keys& k) { return k.scene().one_of("hinge", {"left", "right"}) == "left" ? 1 : -1; }
+int hinge_side(const Keys& k) {
+  return k.scene().one_of("hinge", {"left", "right"}) == "left" ? 1 : -1;
+}
 
 Part build_side_door(const Keys& k, const Space& space) {
   constexpr double kHalfDoor = 0.01, kHandleInset_m = 0.05;
@@ -218,13 +236,15 @@ Part build_round_door(const Keys& k, double centre_z) {
   part.inertia = box_inertia(part.mass_kg, {kHalfDoor, 0.9 * radius, 0.9 * radius});
   for (int i = 0; i < kSegments; ++i) {
     const double a = 2 * std::numbers::pi * i / kSegments;
-    Solid s = box(part.name + "/ring_" + std::to_string(i), {0, centre_y + ring * std::cos(a), ring * std::sin(a)},
+    Solid s = box(part.name + "/ring_" + std::to_string(i),
+                  {0, centre_y + ring * std::cos(a), ring * std::sin(a)},
                   {kHalfDoor, kHalfRing, ring * std::tan(std::numbers::pi / kSegments)}, "steel");
     s.X_body.linear() = AngleAxisd(a, Vector3d::UnitX()).toRotationMatrix();
     part.solids.push_back(s);
   }
   part.solids.push_back(disc(part.name + "/pane", {0, centre_y, 0}, radius - 0.04, 0.012, "glass"));
-  part.solids.push_back(box(part.name + "/hinge", {0, -side * 0.02, 0}, {0.012, 0.02, 0.03}, "steel"));
+  part.solids.push_back(
+      box(part.name + "/hinge", {0, -side * 0.02, 0}, {0.012, 0.02, 0.03}, "steel"));
   add_handle(part, k, -kHalfDoor, centre_y - side * (radius - kHandleInset_m), 0, true);
   return part;
 }
@@ -242,7 +262,8 @@ void add_parts(Unit& unit, const Section& item, const Space& space, const Sectio
 
 void build_carcass(Unit& unit, const Section& item, const Section* overrides) {
   const Space space{item.number("width_m", kPositive), item.number("depth_m", kPositive)};
-  const double bottom = item.number("bottom_m", kNonNegative), top = item.number("top_m", {bottom, 3.0});
+  const double bottom = item.number("bottom_m", kNonNegative),
+               top = item.number("top_m", {bottom, 3.0});
   const double t = 0.5 * kPanel_m, w = 0.5 * space.width_m, d = 0.5 * space.depth_m;
   const double z = 0.5 * (bottom + top), h = 0.5 * (top - bottom);
   const std::string n = unit.name, colour = item.text("colour");
@@ -256,10 +277,12 @@ void build_carcass(Unit& unit, const Section& item, const Section* overrides) {
     const double low = s.number("bottom_m", {bottom, top}), high = s.number("top_m", {low, top});
     const double centre = 0.5 * (low + high);
     const int knobs = s.integer("knobs", {0, 8});
-    unit.solids.push_back(box(n + "/panel", {-0.01, 0, centre}, {0.012, w - kGap_m, 0.5 * (high - low)}, "steel"));
+    unit.solids.push_back(
+        box(n + "/panel", {-0.01, 0, centre}, {0.012, w - kGap_m, 0.5 * (high - low)}, "steel"));
     for (int i = 0; i < knobs; ++i) {
       const double y = 0.12 * (i - 0.5 * (knobs - 1));
-      unit.solids.push_back(disc(n + "/knob_" + std::to_string(i), {-0.03, y, centre}, 0.018, 0.012, "black"));
+      unit.solids.push_back(
+          disc(n + "/knob_" + std::to_string(i), {-0.03, y, centre}, 0.018, 0.012, "black"));
     }
     s.finish();
   }
@@ -267,23 +290,26 @@ void build_carcass(Unit& unit, const Section& item, const Section* overrides) {
 }
 
 void build_washing_machine(Unit& unit, const Section& item, const Section* overrides) {
-  const double w = 0.5 * item.number("width_m", {0.55, 1.0}), depth = item.number("depth_m", kPositive);
-  const double top = item.number("top_m", {0.7, 1.2}), door_z = item.number("door_centre_m", {0.3, 0.6});
-  constexpr double kSheet = 0.01, kHole = 0.2;                // half thickness; half side of the door's opening
+  const double w = 0.5 * item.number("width_m", {0.55, 1.0}),
+               depth = item.number("depth_m", kPositive);
+  const double top = item.number("top_m", {0.7, 1.2}),
+               door_z = item.number("door_centre_m", {0.3, 0.6});
+  constexpr double kSheet = 0.01, kHole = 0.2;  // half thickness; half side of the door's opening
   const double d = 0.5 * depth, z = 0.5 * top;
   const std::string n = unit.name, colour = item.text("colour");
   const double above = 0.5 * (top - door_z - kHole), below = 0.5 * (door_z - kHole);
-  unit.solids = {
-      box(n + "/side_a", {d, -w + kSheet, z}, {d, kSheet, z}, colour),
-      box(n + "/side_b", {d, w - kSheet, z}, {d, kSheet, z}, colour),
-      box(n + "/top", {d, 0, top - kSheet}, {d, w, kSheet}, colour),
-      box(n + "/back", {depth - kSheet, 0, z}, {kSheet, w, z}, colour),
-      box(n + "/front_top", {kSheet, 0, top - above}, {kSheet, w, above}, colour),
-      box(n + "/front_bottom", {kSheet, 0, below}, {kSheet, w, below}, colour),
-      box(n + "/front_a", {kSheet, -0.5 * (w + kHole), door_z}, {kSheet, 0.5 * (w - kHole), kHole}, colour),
-      box(n + "/front_b", {kSheet, 0.5 * (w + kHole), door_z}, {kSheet, 0.5 * (w - kHole), kHole}, colour),
-      disc(n + "/knob", {0, 0.2, top - above}, 0.025, 0.012, "steel"),
-      box(n + "/display", {-0.003, -0.15, top - above}, {0.003, 0.09, 0.04}, "black")};
+  unit.solids = {box(n + "/side_a", {d, -w + kSheet, z}, {d, kSheet, z}, colour),
+                 box(n + "/side_b", {d, w - kSheet, z}, {d, kSheet, z}, colour),
+                 box(n + "/top", {d, 0, top - kSheet}, {d, w, kSheet}, colour),
+                 box(n + "/back", {depth - kSheet, 0, z}, {kSheet, w, z}, colour),
+                 box(n + "/front_top", {kSheet, 0, top - above}, {kSheet, w, above}, colour),
+                 box(n + "/front_bottom", {kSheet, 0, below}, {kSheet, w, below}, colour),
+                 box(n + "/front_a", {kSheet, -0.5 * (w + kHole), door_z},
+                     {kSheet, 0.5 * (w - kHole), kHole}, colour),
+                 box(n + "/front_b", {kSheet, 0.5 * (w + kHole), door_z},
+                     {kSheet, 0.5 * (w - kHole), kHole}, colour),
+                 disc(n + "/knob", {0, 0.2, top - above}, 0.025, 0.012, "steel"),
+                 box(n + "/display", {-0.003, -0.15, top - above}, {0.003, 0.09, 0.04}, "black")};
   const Keys keys(item.section("door"), overrides);
   unit.parts.push_back(build_round_door(keys, door_z));
   keys.finish();
@@ -292,15 +318,16 @@ void build_washing_machine(Unit& unit, const Section& item, const Section* overr
 void build_box(Unit& unit, const Section& item) {
   const Vector3d size = item.vector3("size_m");
   const double bottom = item.number("bottom_m", kNonNegative);
-  unit.solids = {box(unit.name + "/box", {0, 0, bottom + 0.5 * size.z()}, 0.5 * size, item.text("colour"))};
+  unit.solids = {
+      box(unit.name + "/box", {0, 0, bottom + 0.5 * size.z()}, 0.5 * size, item.text("colour"))};
 }
 
 void add_legs(Unit& unit, double x, double y, double top, double half, const std::string& colour) {
   int i = 0;
   for (const int a : {-1, 1}) {
     for (const int b : {-1, 1}) {
-      unit.solids.push_back(box(unit.name + "/leg_" + std::to_string(i++), {a * x, b * y, 0.5 * top},
-                                {half, half, 0.5 * top}, colour));
+      unit.solids.push_back(box(unit.name + "/leg_" + std::to_string(i++),
+                                {a * x, b * y, 0.5 * top}, {half, half, 0.5 * top}, colour));
     }
   }
 }
@@ -310,11 +337,13 @@ void build_table(Unit& unit, const Section& item) {
   const Vector3d half = 0.5 * item.vector3("size_m");
   const double height = 2 * half.z();
   const std::string colour = item.text("colour");
-  unit.solids = {box(unit.name + "/top", {0, 0, height - kHalfTop}, {half.x(), half.y(), kHalfTop}, colour)};
-  add_legs(unit, half.x() - kLegInset, half.y() - kLegInset, height - 2 * kHalfTop, kHalfLeg, colour);
+  unit.solids = {
+      box(unit.name + "/top", {0, 0, height - kHalfTop}, {half.x(), half.y(), kHalfTop}, colour)};
+  add_legs(unit, half.x() - kLegInset, half.y() - kLegInset, height - 2 * kHalfTop, kHalfLeg,
+           colour);
 }
 
-void build_chair(Unit& unit, const Section& item) {   // seat and legs; the back stands at x = -0.19
+void build_chair(Unit& unit, const Section& item) {  // seat and legs; the back stands at x = -0.19
   constexpr double kHalfSeat = 0.2, kSeat = 0.45;
   const std::string colour = item.text("colour");
   unit.solids = {box(unit.name + "/seat", {0, 0, kSeat}, {kHalfSeat, kHalfSeat, 0.015}, colour),
@@ -329,7 +358,8 @@ Unit build_unit(const Section& item, const Section* overrides) {
   unit.name = item.text("name");
   const std::vector<double> place = item.numbers("x_y_yaw", 3);
   unit.X_SU = planar_isometry(place[0], place[1], place[2]);
-  const std::string type = item.one_of("type", {"carcass", "washing_machine", "box", "table", "chair"});
+  const std::string type =
+      item.one_of("type", {"carcass", "washing_machine", "box", "table", "chair"});
   if (type == "carcass") build_carcass(unit, item, overrides);
   if (type == "washing_machine") build_washing_machine(unit, item, overrides);
   if (type == "box") build_box(unit, item);

@@ -1,5 +1,6 @@
-// Builds the scene's furniture from its sections, one function for each type. Setup world; metres, radians, kg.
-// Dimensions and joint values: config/scenes/kitchen_line.yaml says where they come from.
+// Builds the scene's furniture from its sections, one function for each type. Setup world; metres,
+// radians, kg. Dimensions and joint values: config/scenes/kitchen_line.yaml says where they come
+// from.
 #pragma once
 #include "drivers/sim/scene.hpp"
 

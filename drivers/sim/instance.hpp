@@ -1,5 +1,6 @@
-// One simulated plant behind the driver ABI: what a wb_driver handle points to, and the clock it shares with its host.
-// The plant's time starts at 0 of the host's clock in lockstep, and at the first advance() in real time (render_thread).
+// One simulated plant behind the driver ABI: what a wb_driver handle points to, and the clock it
+// shares with its host. The plant's time starts at 0 of the host's clock in lockstep, and at the
+// first advance() in real time (render_thread).
 #pragma once
 #include <memory>
 
@@ -28,15 +29,13 @@ struct wb_driver {
   wb::sim::Plant plant;
   wb::sim::Cameras cameras;
   std::vector<wb::sim::Object> objects;
-  wb_log log = nullptr;
-  void* log_user = nullptr;
 
   wb_state state = WB_UNCONFIGURED;
   bool clock_started = false;
-  wb::TimeNs offset_ns = 0;          // the host's clock less the plant's
+  wb::TimeNs offset_ns = 0;  // the host's clock less the plant's
   wb::sim::Faults faults;
-  wb_readings frozen{};              // what read returns while frozen, ages as of its stamp
+  wb_readings frozen{};  // what read returns while frozen, ages as of its stamp
 
-  wb_driver(wb::sim::PluginConfig c, wb_log log_function, void* user);
+  explicit wb_driver(wb::sim::PluginConfig c);
   wb::TimeNs now_ns() const noexcept { return plant.time_ns() + offset_ns; }
 };

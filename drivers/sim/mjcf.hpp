@@ -1,6 +1,7 @@
-// MuJoCo's model of robot and scene, generated: every URDF link becomes a body with its own inertial and collision solids,
-// the scene's units bodies without joints, and their moving parts bodies with one joint. Setup world.
-// Names: bodies after links, units and parts; joints after URDF joints and parts; geoms after collisions and solids.
+// MuJoCo's model of robot and scene, generated: every URDF link becomes a body with its own
+// inertial and collision solids, the scene's units bodies without joints, and their moving parts
+// bodies with one joint. Setup world. Names: bodies after links, units and parts; joints after URDF
+// joints and parts; geoms after collisions and solids.
 #pragma once
 #include <mujoco/mujoco.h>
 
@@ -13,8 +14,8 @@ namespace wb::sim {
 
 inline constexpr const char* kFloorGeom = "floor";
 
-// Contact bits. A pair may touch where one's type meets the other's affinity: furniture and floor with the robot, the robot with itself;
-// wheels and castors with floor and furniture only.
+// Contact bits. A pair may touch where one's type meets the other's affinity: furniture and floor
+// with the robot, the robot with itself; wheels and castors with floor and furniture only.
 namespace bits {
 inline constexpr int kFurniture = 1, kRobot = 2, kFloor = 4;
 }

@@ -10,7 +10,7 @@
 namespace wb::sim {
 namespace {
 
-constexpr TimeNs kSettleNs = 300'000'000;   // the robot sinks into its wheels' contacts within 0.2 s
+constexpr TimeNs kSettleNs = 300'000'000;  // the robot sinks into its wheels' contacts within 0.2 s
 
 // MuJoCo's own handler waits for a key. An error (its memory ran out) leaves nothing to go on with.
 void on_error(const char* message) {
@@ -21,14 +21,17 @@ void on_error(const char* message) {
 // Warnings are counted in mjData; Plant::healthy reads them.
 void on_warning(const char*) {}
 
-// Uniform over the floor where the robot's bounding circle is clear of everything by 5 cm, with any heading.
+// Uniform over the floor where the robot's bounding circle is clear of everything by 5 cm, with any
+// heading.
 Spawn draw_spawn(const PluginConfig& config, const mjData& data, Clearance& clearance) {
   constexpr double kMargin_m = 0.05;
   constexpr int kTries = 10'000;
   const double radius = config.robot.base.bounding_radius_m + kMargin_m;
   Random random(config.seed, kSpawnStream);
   for (int i = 0; i < kTries; ++i) {
-    const auto draw = [&](const std::array<double, 2>& side) { return side[0] + radius + random.uniform() * (side[1] - side[0] - 2 * radius); };
+    const auto draw = [&](const std::array<double, 2>& side) {
+      return side[0] + radius + random.uniform() * (side[1] - side[0] - 2 * radius);
+    };
     const double x = draw(config.scene.floor_x_m), y = draw(config.scene.floor_y_m);
     const double yaw = std::numbers::pi * (2 * random.uniform() - 1);
     if (clearance.column_is_free(data, x, y, radius)) return {x, y, yaw};
@@ -60,11 +63,19 @@ void Plant::place(const PluginConfig& config) {
   mj_forward(model_.get(), data_.get());
   if (config.robot.base.kind != BaseKind::kFixed) {
     const Spawn spawn = config.spawn ? *config.spawn : draw_spawn(config, *data_, *clearance_);
-    const double pose[7] = {spawn.x_m, spawn.y_m, 0, std::cos(0.5 * spawn.yaw_rad), 0, 0, std::sin(0.5 * spawn.yaw_rad)};
+    const double pose[7] = {spawn.x_m,
+                            spawn.y_m,
+                            0,
+                            std::cos(0.5 * spawn.yaw_rad),
+                            0,
+                            0,
+                            std::sin(0.5 * spawn.yaw_rad)};
     std::copy_n(pose, 7, coordinate(config.robot.base.link));
   }
-  for (std::size_t i = 0; i < config.robot.joints.size(); ++i) *coordinate(config.robot.joints[i].name) = config.posture[i];
-  for (const std::string& finger : config.robot.fingers) *coordinate(finger) = 0.5 * config.robot.gripper_opening_max_m;
+  for (std::size_t i = 0; i < config.robot.joints.size(); ++i)
+    *coordinate(config.robot.joints[i].name) = config.posture[i];
+  for (const std::string& finger : config.robot.fingers)
+    *coordinate(finger) = 0.5 * config.robot.gripper_opening_max_m;
   mj_forward(model_.get(), data_.get());
 }
 
@@ -78,7 +89,8 @@ void Plant::settle() {
   sensors_->take_state(*model_, *data_, *servos_, 0);
   contacts_->scan(*data_, 0);
   const Eigen::Isometry3d X_SB = X_S(base_body_);
-  X_SB0_ = planar_isometry(X_SB.translation().x(), X_SB.translation().y(), std::atan2(X_SB(1, 0), X_SB(0, 0)));
+  X_SB0_ = planar_isometry(X_SB.translation().x(), X_SB.translation().y(),
+                           std::atan2(X_SB(1, 0), X_SB(0, 0)));
 }
 
 void Plant::step() noexcept {
@@ -99,7 +111,8 @@ bool Plant::healthy() const noexcept {
 
 Eigen::Isometry3d Plant::X_S(int body) const noexcept {
   Eigen::Isometry3d X = Eigen::Isometry3d::Identity();
-  X.linear() = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(data_->xmat + 9 * body);
+  X.linear() =
+      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(data_->xmat + 9 * body);
   X.translation() = Eigen::Map<const Eigen::Vector3d>(data_->xpos + 3 * body);
   return X;
 }

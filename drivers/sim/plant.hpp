@@ -1,6 +1,7 @@
-// The physics: MuJoCo's model and state of robot and scene, with servos, sensors and the log of contacts around it.
-// Constructor: setup world. step(): step world. After every step positions, velocities, contacts and bias forces belong
-// to the present state. Time is the plant's own, from 0. Frame S: the simulated world.
+// The physics: MuJoCo's model and state of robot and scene, with servos, sensors and the log of
+// contacts around it. Constructor: setup world. step(): step world. After every step positions,
+// velocities, contacts and bias forces belong to the present state. Time is the plant's own, from
+// 0. Frame S: the simulated world.
 #pragma once
 #include <Eigen/Geometry>
 
@@ -31,11 +32,14 @@ class Plant {
   Clearance& clearance() noexcept { return *clearance_; }
 
   // -1 where there is no such link, unit or part.
-  int body(const std::string& name) const noexcept { return mj_name2id(model_.get(), mjOBJ_BODY, name.c_str()); }
+  int body(const std::string& name) const noexcept {
+    return mj_name2id(model_.get(), mjOBJ_BODY, name.c_str());
+  }
   Eigen::Isometry3d X_S(int body) const noexcept;
-  const Eigen::Isometry3d& spawn_pose() const noexcept { return X_SB0_; }   // on the floor
+  const Eigen::Isometry3d& spawn_pose() const noexcept { return X_SB0_; }  // on the floor
 
-  // For tests: puts a part's joint, at rest, and keeps a force and torque (in S) on a body until told otherwise.
+  // For tests: puts a part's joint, at rest, and keeps a force and torque (in S) on a body until
+  // told otherwise.
   void set_part(int joint, double value) noexcept;
   void push(int body, const double force[3], const double torque[3]) noexcept;
 

@@ -1,5 +1,8 @@
-// libwb_driver_sim.so: the driver ABI over the simulated plant. The only non-test code of the project that links MuJoCo.
-// Worlds: create, describe, configure, activate, deactivate, destroy are setup; read, write, stop, advance are ports.
+// libwb_driver_sim.so: the driver ABI over the simulated plant. The only non-test code of the
+// project that links MuJoCo. Worlds: create, describe, configure, activate, deactivate, destroy are
+// setup; read, write, stop, advance are ports. advance() steps the physics (about 0.1 ms for a tick
+// of 2.5 ms) and renders due frames; inside it, MuJoCo's broad phase makes one qsort that
+// allocates.
 #include <algorithm>
 #include <cstring>
 #include <exception>
@@ -10,7 +13,8 @@
 namespace wb::sim {
 namespace {
 
-// A stall of the host longer than this is left out of the plant's time when it runs in real time: advance() stays bounded.
+// A stall of the host longer than this is left out of the plant's time when it runs in real time:
+// advance() stays bounded.
 constexpr TimeNs kCatchUpNs = 25'000'000;
 
 template <std::size_t N>
@@ -21,11 +25,12 @@ void copy_name(char (&to)[N], const std::string& from) {
 
 wb_driver* create(const char* config, const char* folder, wb_log log, void* log_user) {
   try {
-    auto driver = std::make_unique<wb_driver>(PluginConfig::parse(config, folder), log, log_user);
+    auto driver = std::make_unique<wb_driver>(PluginConfig::parse(config, folder));
     const Eigen::Vector3d p = driver->plant.spawn_pose().translation();
     if (log != nullptr) {
-      const std::string text = "simulated plant: scene " + driver->config.scene.name + ", robot " + driver->config.robot.name +
-                               " at x " + std::to_string(p.x()) + " m, y " + std::to_string(p.y()) + " m";
+      const std::string text = "simulated plant: scene " + driver->config.scene.name + ", robot " +
+                               driver->config.robot.name + " at x " + std::to_string(p.x()) +
+                               " m, y " + std::to_string(p.y()) + " m";
       log(log_user, WB_LOG_INFO, text.c_str());
     }
     return driver.release();
@@ -79,7 +84,8 @@ wb_status configure(wb_driver* driver) {
   return WB_OK;
 }
 
-wb_status activate(wb_driver* driver, std::int64_t command_timeout_ns, const wb_timeout_action* actions) {
+wb_status activate(wb_driver* driver, std::int64_t command_timeout_ns,
+                   const wb_timeout_action* actions) {
   if (driver->state != WB_INACTIVE) return WB_BAD_STATE;
   if (command_timeout_ns <= 0 || actions == nullptr) return WB_ERROR;
   driver->plant.servos().activate(command_timeout_ns, actions);
@@ -103,7 +109,8 @@ wb_status read(wb_driver* driver, wb_readings* out) {
     *out = driver->plant.readings();
     out->t_ns += driver->offset_ns;
   }
-  for (std::size_t i = 0; i < driver->plant.servos().drives().size(); ++i) out->joints[i].age_ns = driver->now_ns() - out->t_ns;
+  for (std::size_t i = 0; i < driver->plant.servos().drives().size(); ++i)
+    out->joints[i].age_ns = driver->now_ns() - out->t_ns;
   out->emergency_stop = driver->faults.emergency_stop;
   out->timed_out = driver->plant.servos().timed_out();
   return WB_OK;
@@ -111,7 +118,8 @@ wb_status read(wb_driver* driver, wb_readings* out) {
 
 wb_status write(wb_driver* driver, const wb_commands* commands) {
   if (driver->faults.silent || !driver->plant.healthy()) return WB_ERROR;
-  if (driver->faults.frozen) return driver->plant.servos().timed_out() ? WB_TIMED_OUT : WB_OK;   // lost
+  if (driver->faults.frozen)
+    return driver->plant.servos().timed_out() ? WB_TIMED_OUT : WB_OK;  // lost
   return driver->plant.servos().write(*commands, driver->plant.time_ns());
 }
 
@@ -121,8 +129,12 @@ wb_status stop(wb_driver* driver) {
   return WB_OK;
 }
 
-wb_status acquire_frame(wb_driver* driver, wb_frame* frame) { return driver->cameras.acquire(*frame); }
-wb_status release_frame(wb_driver* driver, std::uint64_t token) { return driver->cameras.release(token); }
+wb_status acquire_frame(wb_driver* driver, wb_frame* frame) {
+  return driver->cameras.acquire(*frame);
+}
+wb_status release_frame(wb_driver* driver, std::uint64_t token) {
+  return driver->cameras.release(token);
+}
 
 wb_status advance(wb_driver* driver, std::int64_t t_ns) {
   if (driver->state == WB_UNCONFIGURED) return WB_BAD_STATE;
@@ -147,8 +159,13 @@ const void* get_extension(wb_driver*, const char* name) { return find_extension(
 
 extern "C" __attribute__((visibility("default"))) const wb_driver_api* wb_driver_entry() {
   using namespace wb::sim;
-  static const wb_driver_api api = {WB_DRIVER_ABI, sizeof(wb_driver_api), create,   destroy,       describe,      configure, activate,
-                                    deactivate,    read,                  write,    stop,          acquire_frame, release_frame,
-                                    advance,       get_extension};
+  static const wb_driver_api api = {WB_DRIVER_ABI, sizeof(wb_driver_api),
+                                    create,        destroy,
+                                    describe,      configure,
+                                    activate,      deactivate,
+                                    read,          write,
+                                    stop,          acquire_frame,
+                                    release_frame, advance,
+                                    get_extension};
   return &api;
 }

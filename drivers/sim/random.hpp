@@ -1,5 +1,5 @@
-// A stream of random numbers that depends on the plant's seed and the stream's number only (SplitMix64, Steele et al. 2014).
-// Any world; no allocation.
+// A stream of random numbers that depends on the plant's seed and the stream's number only
+// (SplitMix64, Steele et al. 2014). Any world; no allocation.
 #pragma once
 #include <cmath>
 #include <cstdint>
@@ -9,7 +9,9 @@ namespace wb::sim {
 
 class Random {
  public:
-  Random(std::uint64_t seed, std::uint64_t stream) : state_(seed) { state_ = bits() ^ (stream * 0xd1342543de82ef95ULL); }
+  Random(std::uint64_t seed, std::uint64_t stream) : state_(seed) {
+    state_ = bits() ^ (stream * 0xd1342543de82ef95ULL);
+  }
 
   std::uint64_t bits() noexcept {
     std::uint64_t z = (state_ += 0x9e3779b97f4a7c15ULL);
@@ -30,6 +32,13 @@ class Random {
 };
 
 // The streams of one plant; cameras count on from the last.
-enum Stream : std::uint64_t { kSpawnStream = 1, kEncoderStream, kImuStream, kWrenchStream, kGripperStream, kCameraStream };
+enum Stream : std::uint64_t {
+  kSpawnStream = 1,
+  kEncoderStream,
+  kImuStream,
+  kWrenchStream,
+  kGripperStream,
+  kCameraStream
+};
 
 }  // namespace wb::sim

@@ -18,7 +18,7 @@ using Lane = float __attribute__((vector_size(4 * kLanes)));
 using Mask = std::int32_t __attribute__((vector_size(4 * kLanes)));
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-constexpr double kNear_m = 0.01;   // nothing nearer is drawn
+constexpr double kNear_m = 0.01;  // nothing nearer is drawn
 
 inline Lane load(const float* p) { return _mm256_loadu_ps(p); }
 inline Lane minimum(Lane a, Lane b) { return a < b ? a : b; }
@@ -49,10 +49,12 @@ inline Span slab(float origin, Lane direction, float half) {
   return {minimum(a, b), maximum(a, b)};
 }
 
-inline Span intersect(Span a, Span b) { return {maximum(a.entry, b.entry), minimum(a.exit, b.exit)}; }
+inline Span intersect(Span a, Span b) {
+  return {maximum(a.entry, b.entry), minimum(a.exit, b.exit)};
+}
 
-// Rays against a unit ball (dims 3) or the unit cylinder about z (dims 2), from the point of closest approach: the direct
-// quadratic loses a 6 mm bar at 3 m to rounding.
+// Rays against a unit ball (dims 3) or the unit cylinder about z (dims 2), from the point of
+// closest approach: the direct quadratic loses a 6 mm bar at 3 m to rounding.
 struct Round {
   Span span;
   Mask hit;
@@ -75,11 +77,14 @@ inline Round round(const Vector3f& o, const Lane d[3], float radius) {
   return {{middle - half, middle + half}, inside >= 0.0f};
 }
 
-inline Span only(Round r) { return {r.hit ? r.span.entry : splat(kInfinity), r.hit ? r.span.exit : splat(-kInfinity)}; }
+inline Span only(Round r) {
+  return {r.hit ? r.span.entry : splat(kInfinity), r.hit ? r.span.exit : splat(-kInfinity)};
+}
 
 }  // namespace
 
-// A ray's direction in the solid's frame is across * x + down * y + ahead; its origin is the camera's centre.
+// A ray's direction in the solid's frame is across * x + down * y + ahead; its origin is the
+// camera's centre.
 struct RayCaster::Local {
   Vector3f origin, across, down, ahead;
 
@@ -122,14 +127,14 @@ RayCaster::RayCaster(const mjModel& model, int max_width, int max_height)
   }
 }
 
-// Widens the candidate by the projection of an edge of its box, cut at the near plane. With rows, also notes which columns
-// each row needs: the silhouette of a convex solid runs along such edges.
+// Widens the candidate by the projection of an edge of its box, cut at the near plane. With rows,
+// also notes which columns each row needs: the silhouette of a convex solid runs along such edges.
 void RayCaster::add_edge(const Vector3d& p, const Vector3d& q, Candidate& c, bool rows) noexcept {
   if (p.z() < kNear_m && q.z() < kNear_m) return;
   Vector3d a = p, b = q;
   const auto cut = [](Vector3d& behind, const Vector3d& ahead) {
     behind += (kNear_m - behind.z()) / (ahead.z() - behind.z()) * (ahead - behind);
-    behind.z() = kNear_m;   // exactly: project() recognises a cut solid by it
+    behind.z() = kNear_m;  // exactly: project() recognises a cut solid by it
   };
   if (a.z() < kNear_m) cut(a, b);
   if (b.z() < kNear_m) cut(b, a);
@@ -140,7 +145,9 @@ void RayCaster::add_edge(const Vector3d& p, const Vector3d& q, Candidate& c, boo
     std::swap(va, vb);
   }
   if (!rows) {
-    const auto pixel = [](double x, int limit) { return static_cast<int>(std::floor(std::clamp(x, -1.0, limit + 1.0))); };
+    const auto pixel = [](double x, int limit) {
+      return static_cast<int>(std::floor(std::clamp(x, -1.0, limit + 1.0)));
+    };
     c.near = std::min({c.near, static_cast<float>(a.z()), static_cast<float>(b.z())});
     c.u_min = std::min(c.u_min, pixel(std::min(ua, ub), camera_.width));
     c.u_max = std::max(c.u_max, pixel(std::max(ua, ub), camera_.width));
@@ -148,10 +155,12 @@ void RayCaster::add_edge(const Vector3d& p, const Vector3d& q, Candidate& c, boo
     c.v_max = std::max(c.v_max, pixel(vb, camera_.height));
     return;
   }
-  // Over each row's band of one pixel the edge spans the columns between its crossings of the band's borders.
+  // Over each row's band of one pixel the edge spans the columns between its crossings of the
+  // band's borders.
   const double slope = vb - va > 1e-9 ? (ub - ua) / (vb - va) : 0.0;
   const int v0 = std::max(c.v_min, static_cast<int>(std::floor(std::max(va, -1.0))));
-  const int v1 = std::min(c.v_max, static_cast<int>(std::floor(std::min(vb, camera_.height + 1.0))));
+  const int v1 =
+      std::min(c.v_max, static_cast<int>(std::floor(std::min(vb, camera_.height + 1.0))));
   for (int v = v0; v <= v1; ++v) {
     const double top = std::max<double>(v, va), bottom = std::min<double>(v + 1, vb);
     double u0 = ua + slope * (top - va), u1 = ua + slope * (bottom - va);
@@ -164,11 +173,14 @@ void RayCaster::add_edge(const Vector3d& p, const Vector3d& q, Candidate& c, boo
   }
 }
 
-// Without rows: the candidate's pixels and nearest depth; false if nothing of it is in the picture. With rows: fills the rows' columns.
-bool RayCaster::project(const Isometry3d& X_CG, const Vector3d& half, Candidate& c, bool rows) noexcept {
+// Without rows: the candidate's pixels and nearest depth; false if nothing of it is in the picture.
+// With rows: fills the rows' columns.
+bool RayCaster::project(const Isometry3d& X_CG, const Vector3d& half, Candidate& c,
+                        bool rows) noexcept {
   Vector3d corner[8];
   for (int i = 0; i < 8; ++i) {
-    corner[i] = X_CG * Vector3d(i & 1 ? half.x() : -half.x(), i & 2 ? half.y() : -half.y(), i & 4 ? half.z() : -half.z());
+    corner[i] = X_CG * Vector3d(i & 1 ? half.x() : -half.x(), i & 2 ? half.y() : -half.y(),
+                                i & 4 ? half.z() : -half.z());
   }
   if (rows && c.near <= static_cast<float>(kNear_m)) {
     // Cut by the near plane: the silhouette has edges of its own there.
@@ -193,7 +205,8 @@ template <class Hit>
 void RayCaster::fill(const Candidate& c, const Local& local, const Hit& hit) noexcept {
   for (int v = c.v_min; v <= c.v_max; ++v) {
     const int u0 = std::max(c.u_min, static_cast<int>(std::max(row_min_[v], 0.0f)));
-    const int u1 = std::min(c.u_max, static_cast<int>(std::min(row_max_[v], static_cast<float>(camera_.width))));
+    const int u1 = std::min(
+        c.u_max, static_cast<int>(std::min(row_max_[v], static_cast<float>(camera_.width))));
     const float y = static_cast<float>((v + 0.5 - camera_.cy) / camera_.fy);
     const Vector3f base = local.down * y + local.ahead;
     const std::size_t row = static_cast<std::size_t>(v) * stride_;
@@ -209,7 +222,8 @@ void RayCaster::fill(const Candidate& c, const Local& local, const Hit& hit) noe
       const Mask nearer = t < before;
       const Lane after = nearer ? t : before;
       _mm256_storeu_ps(depth, after);
-      _mm256_maskstore_epi32(&geom_[row + u], reinterpret_cast<__m256i>(nearer), _mm256_set1_epi32(c.geom));
+      _mm256_maskstore_epi32(&geom_[row + u], reinterpret_cast<__m256i>(nearer),
+                             _mm256_set1_epi32(c.geom));
       far = largest(after);
     }
   }
@@ -230,14 +244,16 @@ void RayCaster::draw(const Candidate& c, const Isometry3d& X_CG) noexcept {
       });
     case mjGEOM_BOX:
       return fill(c, local, [&](const Lane d[3]) {
-        return first(intersect(intersect(slab(o[0], d[0], half[0]), slab(o[1], d[1], half[1])), slab(o[2], d[2], half[2])));
+        return first(intersect(intersect(slab(o[0], d[0], half[0]), slab(o[1], d[1], half[1])),
+                               slab(o[2], d[2], half[2])));
       });
     case mjGEOM_CYLINDER:
       return fill(c, local, [&](const Lane d[3]) {
         return first(intersect(only(round<2>(o, d, radius)), slab(o[2], d[2], length)));
       });
     case mjGEOM_CAPSULE:
-      // The union of a cylinder and two balls: entered at the first entry, left (from inside) at the last exit.
+      // The union of a cylinder and two balls: entered at the first entry, left (from inside) at
+      // the last exit.
       return fill(c, local, [&](const Lane d[3]) {
         Span s = intersect(only(round<2>(o, d, radius)), slab(o[2], d[2], length));
         const Mask missed = s.entry > s.exit;
@@ -253,9 +269,11 @@ void RayCaster::draw(const Candidate& c, const Isometry3d& X_CG) noexcept {
   }
 }
 
-void RayCaster::render(const GeomPoses& poses, const Isometry3d& X_SC, const CameraIntrinsics& camera) noexcept {
+void RayCaster::render(const GeomPoses& poses, const Isometry3d& X_SC,
+                       const CameraIntrinsics& camera) noexcept {
   camera_ = camera;
-  for (int u = 0; u < stride_; ++u) column_x_[u] = static_cast<float>((u + 0.5 - camera.cx) / camera.fx);
+  for (int u = 0; u < stride_; ++u)
+    column_x_[u] = static_cast<float>((u + 0.5 - camera.cx) / camera.fx);
   const std::size_t pixels = static_cast<std::size_t>(stride_) * camera.height;
   std::fill_n(depth_.begin(), pixels, kInfinity);
   std::fill_n(geom_.begin(), pixels, -1);
@@ -265,12 +283,18 @@ void RayCaster::render(const GeomPoses& poses, const Isometry3d& X_SC, const Cam
   candidates_.clear();
   for (std::size_t g = 0; g < solids_.size(); ++g) {
     Isometry3d X_SG = Isometry3d::Identity();
-    X_SG.linear() = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(&poses.rotation[9 * g]);
+    X_SG.linear() =
+        Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(&poses.rotation[9 * g]);
     X_SG.translation() = Eigen::Map<const Vector3d>(&poses.position[3 * g]);
     X_CG_[g] = X_CS * X_SG;
     Candidate c{kInfinity, static_cast<std::int32_t>(g), camera.width, -1, camera.height, -1};
     if (solids_[g].type == mjGEOM_PLANE) {
-      c = {std::numeric_limits<float>::max(), c.geom, 0, camera.width - 1, 0, camera.height - 1};   // drawn last
+      c = {std::numeric_limits<float>::max(),
+           c.geom,
+           0,
+           camera.width - 1,
+           0,
+           camera.height - 1};  // drawn last
     } else if (!project(X_CG_[g], solids_[g].half, c, false)) {
       continue;
     }
@@ -285,8 +309,9 @@ void RayCaster::render(const GeomPoses& poses, const Isometry3d& X_SC, const Cam
       std::fill(row_min_.begin(), row_min_.end(), 0.0f);
       std::fill(row_max_.begin(), row_max_.end(), kInfinity);
     } else {
-      std::fill(row_min_.begin() + c.v_min, row_min_.begin() + c.v_max + 1, kInfinity);
-      std::fill(row_max_.begin() + c.v_min, row_max_.begin() + c.v_max + 1, -kInfinity);
+      std::fill(row_min_.begin() + c.v_min, row_min_.begin() + c.v_max + 1,
+                static_cast<float>(camera.width));
+      std::fill(row_max_.begin() + c.v_min, row_max_.begin() + c.v_max + 1, -1.0f);
       project(X_CG_[c.geom], solids_[c.geom].half, c, true);
     }
     draw(c, X_CG_[c.geom]);

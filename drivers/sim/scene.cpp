@@ -49,13 +49,15 @@ ViewConfig load_view(const Section& s) {
 void check(const Section& file, const Scene& scene) {
   std::set<std::string> names;
   const auto check_name = [&](const std::string& name) {
-    if (name.size() > 31) file.fail("items", "holds the name '" + name + "', which is longer than 31 characters");
+    if (name.size() > 31)
+      file.fail("items", "holds the name '" + name + "', which is longer than 31 characters");
     if (!names.insert(name).second) file.fail("items", "holds the name '" + name + "' twice");
   };
   const auto check_solid = [&](const Solid& solid) {
     check_name(solid.name);
     if (!scene.colours.contains(solid.colour)) {
-      file.fail("colours", "lacks the colour '" + solid.colour + "' that '" + solid.name + "' asks for");
+      file.fail("colours",
+                "lacks the colour '" + solid.colour + "' that '" + solid.name + "' asks for");
     }
   };
   for (const Unit& unit : scene.units) {

@@ -1,6 +1,7 @@
-// A kitchen as its file under config/scenes tells it: typed furniture, room, noise, view camera. Setup world.
-// Frames: S the simulated world, z up, floor at z = 0; U a unit, origin on the floor in the middle of its front,
-// x into the unit, y to the left of who looks at the front. Lengths in metres, angles in radians, masses in kg.
+// A kitchen as its file under config/scenes tells it: typed furniture, room, noise, view camera.
+// Setup world. Frames: S the simulated world, z up, floor at z = 0; U a unit, origin on the floor
+// in the middle of its front, x into the unit, y to the left of who looks at the front. Lengths in
+// metres, angles in radians, masses in kg.
 #pragma once
 #include <Eigen/Geometry>
 #include <array>
@@ -28,14 +29,16 @@ struct Solid {
   Eigen::Vector3d extent() const;
 };
 
-// A bar with two posts. The handle's frame G: origin at the bar's centre, x along the bar, z into the front.
+// A bar with two posts. The handle's frame G: origin at the bar's centre, x along the bar, z into
+// the front.
 struct Handle {
   Eigen::Isometry3d X_body = Eigen::Isometry3d::Identity();
   double radius_m = 0;
   double length_m = 0;
 };
 
-// The joint of a moving part, at its body's origin. Damping, friction and stiffness in N or Nm per unit.
+// The joint of a moving part, at its body's origin. Damping, friction and stiffness in N or Nm per
+// unit.
 struct PartJoint {
   bool revolute = false;
   Eigen::Vector3d axis = Eigen::Vector3d::UnitX();  // in the body's frame; positive values open
@@ -45,7 +48,8 @@ struct PartJoint {
 // What moves: a drawer or a door, with the one handle that opens it.
 struct Part {
   std::string name;
-  Eigen::Vector3d p_U = Eigen::Vector3d::Zero();  // body's origin in the unit, axes parallel to the unit's
+  Eigen::Vector3d p_U =
+      Eigen::Vector3d::Zero();  // body's origin in the unit, axes parallel to the unit's
   std::vector<Solid> solids;
   PartJoint joint;
   Handle handle;
@@ -63,8 +67,8 @@ struct Unit {
 };
 
 struct NoiseConfig {
-  double depth_per_m = 0;      // standard deviation of depth over depth squared
-  double depth_dropout = 0;    // fraction of pixels without return
+  double depth_per_m = 0;    // standard deviation of depth over depth squared
+  double depth_dropout = 0;  // fraction of pixels without return
   double camera_delay_s = 0;
   double encoder_rad = 0, encoder_radps = 0, effort_nm = 0;
   double gyro_radps = 0, gyro_walk_radps = 0;  // the bias' walk per square root of a second
@@ -75,7 +79,7 @@ struct NoiseConfig {
 
 struct ViewConfig {
   Eigen::Vector3d position = Eigen::Vector3d::Zero(), target = Eigen::Vector3d::Zero();
-  double width_rad = 1;        // horizontal field of view
+  double width_rad = 1;  // horizontal field of view
 };
 
 struct Scene {
@@ -87,7 +91,8 @@ struct Scene {
   ViewConfig view;
   Eigen::Vector3d light = Eigen::Vector3d::Zero();
 
-  // `overrides` (may be null) maps a part's name to keys that replace the file's. Throws config::ConfigError.
+  // `overrides` (may be null) maps a part's name to keys that replace the file's. Throws
+  // config::ConfigError.
   static Scene load(const std::filesystem::path& file, const config::Section* overrides);
 };
 

@@ -14,7 +14,8 @@ using RowMatrix = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 int body_id(const mjModel& model, const std::string& link) {
   const int id = mj_name2id(&model, mjOBJ_BODY, link.c_str());
-  if (id < 0) throw config::ConfigError("sim.yaml names '" + link + "', which is no link of the URDF");
+  if (id < 0)
+    throw config::ConfigError("sim.yaml names '" + link + "', which is no link of the URDF");
   return id;
 }
 
@@ -33,11 +34,12 @@ Sensors::Sensors(const PluginConfig& config, const mjModel& model)
 
 void Sensors::take_forces(const mjModel& model, mjData& data) noexcept {
   mj_rnePostConstraint(&model, &data);
-  double acceleration[6];   // rotation over translation, gravity's reaction included
+  double acceleration[6];  // rotation over translation, gravity's reaction included
   mj_objectAcceleration(&model, &data, mjOBJ_XBODY, imu_body_, acceleration, 1);
   std::copy_n(acceleration + 3, 3, acceleration_.begin());
 
-  // cfrc_int: what the parent exerts on the hand, about the whole robot's centre of mass. The sensor shows its reaction.
+  // cfrc_int: what the parent exerts on the hand, about the whole robot's centre of mass. The
+  // sensor shows its reaction.
   const double* internal = data.cfrc_int + 6 * wrench_body_;
   const Map<const Vector3d> com(data.subtree_com + 3 * model.body_rootid[wrench_body_]);
   const Map<const Vector3d> p_E(data.xpos + 3 * end_effector_body_);
@@ -48,7 +50,8 @@ void Sensors::take_forces(const mjModel& model, mjData& data) noexcept {
   Map<Vector3d>(wrench_E_.data() + 3) = R_E.transpose() * torque;
 }
 
-void Sensors::take_state(const mjModel& model, const mjData& data, const Servos& servos, TimeNs t_ns) noexcept {
+void Sensors::take_state(const mjModel& model, const mjData& data, const Servos& servos,
+                         TimeNs t_ns) noexcept {
   readings_.t_ns = t_ns;
   const std::vector<Drive>& drives = servos.drives();
   for (std::size_t i = 0; i < drives.size(); ++i) {
@@ -71,7 +74,8 @@ void Sensors::take_state(const mjModel& model, const mjData& data, const Servos&
   readings_.imu.valid = 1;
   readings_.wrench.valid = 1;
   if (has_gripper_) {
-    readings_.gripper.opening = servos.gripper_opening(data) + noise_.gripper_m * gripper_.gaussian();
+    readings_.gripper.opening =
+        servos.gripper_opening(data) + noise_.gripper_m * gripper_.gaussian();
     readings_.gripper.force = servos.gripper_force(data) + noise_.gripper_n * gripper_.gaussian();
     readings_.gripper.valid = 1;
   }

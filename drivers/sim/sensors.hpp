@@ -1,5 +1,5 @@
-// What the robot's sensors say of the plant, 400 times a second of the plant's time, each with its own noise stream.
-// Step world. Signs and frames: core/types/readings.hpp.
+// What the robot's sensors say of the plant, 400 times a second of the plant's time, each with its
+// own noise stream. Step world. Signs and frames: core/types/readings.hpp.
 #pragma once
 #include <mujoco/mujoco.h>
 
@@ -17,11 +17,12 @@ class Sensors {
 
   Sensors(const PluginConfig& config, const mjModel& model);
 
-  // What depends on accelerations and contact forces: call between the step's integration and the next position stage,
-  // while MuJoCo's forces still belong to its positions.
+  // What depends on accelerations and contact forces: call between the step's integration and the
+  // next position stage, while MuJoCo's forces still belong to its positions.
   void take_forces(const mjModel& model, mjData& data) noexcept;
   // The rest of the sample, at the present state. t_ns is its stamp.
-  void take_state(const mjModel& model, const mjData& data, const Servos& servos, TimeNs t_ns) noexcept;
+  void take_state(const mjModel& model, const mjData& data, const Servos& servos,
+                  TimeNs t_ns) noexcept;
 
   const wb_readings& newest() const noexcept { return readings_; }
 
@@ -31,8 +32,8 @@ class Sensors {
   bool has_gripper_ = false;
   Random encoders_, imu_, wrench_, gripper_;
   std::array<double, 3> gyro_bias_{};
-  std::array<double, 3> acceleration_{};   // in the IMU's axes, without noise
-  std::array<double, 6> wrench_E_{};       // force, torque, without noise
+  std::array<double, 3> acceleration_{};  // in the IMU's axes, without noise
+  std::array<double, 6> wrench_E_{};      // force, torque, without noise
   wb_readings readings_{};
 };
 

@@ -11,7 +11,8 @@ namespace {
 Drive make_drive(const urdf::ModelInterface& urdf, const mjModel& model, const std::string& name) {
   const int joint = mj_name2id(&model, mjOBJ_JOINT, name.c_str());
   const int motor = mj_name2id(&model, mjOBJ_ACTUATOR, name.c_str());
-  if (joint < 0 || motor < 0) throw config::ConfigError("the simulated model lacks the joint '" + name + "'");
+  if (joint < 0 || motor < 0)
+    throw config::ConfigError("the simulated model lacks the joint '" + name + "'");
   const urdf::Joint& description = *urdf.getJoint(name);
   Drive drive{name, model.jnt_qposadr[joint], model.jnt_dofadr[joint], motor};
   if (description.type != urdf::Joint::CONTINUOUS) {
@@ -52,7 +53,8 @@ Servos::Servos(const PluginConfig& config, const mjModel& model, const mjData& d
       fallbacks_.push_back({sim.brake_stiffness, sim.brake_damping, sim.brake_damping});
     }
   }
-  for (const std::string& finger : config.robot.fingers) fingers_.push_back(make_drive(*urdf, model, finger));
+  for (const std::string& finger : config.robot.fingers)
+    fingers_.push_back(make_drive(*urdf, model, finger));
   finger_target_m_ = finger_reference_m_ = fingers_.empty() ? 0.0 : data.qpos[fingers_[0].q];
   finger_force_n_ = gripper_.force_max_n;
 }
@@ -103,8 +105,10 @@ double Servos::commanded_effort(std::size_t i, const mjData& data) const noexcep
   const auto& c = commands_.joints[i];
   const double velocity = std::clamp(c.velocity, -drive.velocity_max, drive.velocity_max);
   if (c.kind == WB_CMD_VELOCITY) return wheel_damping_ * (velocity - data.qvel[drive.v]) + c.effort;
-  const double position = drive.lower < drive.upper ? std::clamp(c.position, drive.lower, drive.upper) : c.position;
-  return c.stiffness * (position - data.qpos[drive.q]) + c.damping * (velocity - data.qvel[drive.v]) + c.effort;
+  const double position =
+      drive.lower < drive.upper ? std::clamp(c.position, drive.lower, drive.upper) : c.position;
+  return c.stiffness * (position - data.qpos[drive.q]) +
+         c.damping * (velocity - data.qvel[drive.v]) + c.effort;
 }
 
 double Servos::fallback_effort(std::size_t i, const mjData& data) noexcept {
@@ -120,7 +124,8 @@ double Servos::fallback_effort(std::size_t i, const mjData& data) noexcept {
     f.holding = true;
     f.position = data.qpos[drive.q];
   }
-  return gravity + f.hold_stiffness * (f.position - data.qpos[drive.q]) - f.hold_damping * data.qvel[drive.v];
+  return gravity + f.hold_stiffness * (f.position - data.qpos[drive.q]) -
+         f.hold_damping * data.qvel[drive.v];
 }
 
 void Servos::apply_gripper(mjData& data) noexcept {
@@ -128,18 +133,20 @@ void Servos::apply_gripper(mjData& data) noexcept {
   const double position = 0.5 * gripper_opening(data);
   const double travel = gripper_.speed_mps * step_s_;
   finger_reference_m_ += std::clamp(finger_target_m_ - finger_reference_m_, -travel, travel);
-  // The reference never leads by more than the force needs, so that a gripper that was blocked answers at once.
+  // The reference never leads by more than the force needs, so that a gripper that was blocked
+  // answers at once.
   const double lead = finger_force_n_ / gripper_.servo_npm;
   finger_reference_m_ = std::clamp(finger_reference_m_, position - lead, position + lead);
   for (const Drive& finger : fingers_) {
-    const double force =
-        gripper_.servo_npm * (finger_reference_m_ - data.qpos[finger.q]) - gripper_.servo_nspm * data.qvel[finger.v];
+    const double force = gripper_.servo_npm * (finger_reference_m_ - data.qpos[finger.q]) -
+                         gripper_.servo_nspm * data.qvel[finger.v];
     data.ctrl[finger.u] = std::clamp(force, -finger_force_n_, finger_force_n_);
   }
 }
 
 void Servos::apply(mjData& data, TimeNs now_ns) noexcept {
-  if (authority_ == Authority::kCommands && now_ns - last_write_ns_ > timeout_ns_) authority_ = Authority::kTimeOut;
+  if (authority_ == Authority::kCommands && now_ns - last_write_ns_ > timeout_ns_)
+    authority_ = Authority::kTimeOut;
   for (std::size_t i = 0; i < drives_.size(); ++i) {
     double effort = 0;
     if (authority_ == Authority::kCommands && commands_.joints[i].kind != WB_CMD_NONE) {

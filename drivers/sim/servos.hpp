@@ -1,5 +1,6 @@
-// The drives inside the plant: joint impedance, wheel velocity and gripper servos at the physics' rate, brakes, and the time-out.
-// Step world. Torques are those of the URDF's joints, clipped to their effort. Time is the plant's own, from 0.
+// The drives inside the plant: joint impedance, wheel velocity and gripper servos at the physics'
+// rate, brakes, and the time-out. Step world. Torques are those of the URDF's joints, clipped to
+// their effort. Time is the plant's own, from 0.
 #pragma once
 #include <mujoco/mujoco.h>
 
@@ -24,8 +25,8 @@ class Servos {
   // Arm joints in robot.yaml's order, then the wheels: the order of the driver's description.
   const std::vector<Drive>& drives() const { return drives_; }
   int arm_joints() const { return arm_joints_; }
-  double gripper_opening(const mjData& data) const noexcept;       // m, total
-  double gripper_force(const mjData& data) const noexcept;         // N per finger, positive closes
+  double gripper_opening(const mjData& data) const noexcept;  // m, total
+  double gripper_force(const mjData& data) const noexcept;    // N per finger, positive closes
 
   void activate(TimeNs timeout_ns, const wb_timeout_action* actions) noexcept;
   void deactivate() noexcept;
@@ -42,7 +43,7 @@ class Servos {
   struct Fallback {
     double hold_stiffness = 0, hold_damping = 0, damped_damping = 0;
     bool holding = false;
-    double position = 0;                                            // where it holds
+    double position = 0;  // where it holds
   };
 
   bool is_wheel(std::size_t i) const noexcept { return static_cast<int>(i) >= arm_joints_; }
@@ -65,7 +66,7 @@ class Servos {
   wb_commands commands_{};
   wb_timeout_action actions_[WB_DRIVER_MAX_JOINTS] = {};
   double finger_target_m_ = 0, finger_force_n_ = 0;
-  double finger_reference_m_ = 0;                                   // moves to the target at the gripper's speed
+  double finger_reference_m_ = 0;  // moves to the target at the gripper's speed
 };
 
 }  // namespace wb::sim

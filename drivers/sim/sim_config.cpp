@@ -15,7 +15,8 @@ std::array<double, 3> friction(const Section& s) {
 }
 
 // One number for each joint of the robot, by name.
-std::vector<double> by_joint(const Section& root, const std::string& key, const RobotConfig& robot) {
+std::vector<double> by_joint(const Section& root, const std::string& key,
+                             const RobotConfig& robot) {
   const Section s = root.section(key);
   std::vector<double> out;
   for (const JointConfig& joint : robot.joints) out.push_back(s.number(joint.name, kNonNegative));
@@ -25,7 +26,8 @@ std::vector<double> by_joint(const Section& root, const std::string& key, const 
 
 std::vector<double> load_posture(const Section& spawn, const RobotConfig& robot) {
   if (!spawn.has("posture")) return robot.stowed;
-  if (!spawn.is_scalar("posture")) return spawn.numbers("posture", static_cast<int>(robot.joints.size()));
+  if (!spawn.is_scalar("posture"))
+    return spawn.numbers("posture", static_cast<int>(robot.joints.size()));
   return spawn.one_of("posture", {"stowed", "ready"}) == "stowed" ? robot.stowed : robot.ready;
 }
 
@@ -49,17 +51,20 @@ RobotSimConfig RobotSimConfig::load(const RobotConfig& robot) {
   }
 
   const Section wheels = root.section("wheels");
-  sim.wheels = {wheels.number("armature_kgm2", kNonNegative), wheels.number("servo_nmsprad", kPositive),
-                wheels.number("brake_nmprad", kPositive), wheels.number("brake_nmsprad", kPositive),
-                friction(wheels)};
+  sim.wheels = {wheels.number("armature_kgm2", kNonNegative),
+                wheels.number("servo_nmsprad", kPositive), wheels.number("brake_nmprad", kPositive),
+                wheels.number("brake_nmsprad", kPositive), friction(wheels)};
   wheels.finish();
   const Section castors = root.section("castors");
   sim.castors = {castors.texts("collisions"), friction(castors)};
   castors.finish();
   const Section gripper = root.section("gripper");
-  sim.gripper = {gripper.number("armature_kg", kNonNegative), gripper.number("servo_npm", kPositive),
-                 gripper.number("servo_nspm", kNonNegative),  gripper.number("speed_mps", kPositive),
-                 gripper.number("force_max_n", kPositive),    gripper.texts("pads"),
+  sim.gripper = {gripper.number("armature_kg", kNonNegative),
+                 gripper.number("servo_npm", kPositive),
+                 gripper.number("servo_nspm", kNonNegative),
+                 gripper.number("speed_mps", kPositive),
+                 gripper.number("force_max_n", kPositive),
+                 gripper.texts("pads"),
                  friction(gripper)};
   gripper.finish();
   const Section colours = root.section("colours");

@@ -1,4 +1,5 @@
-// What the plugin was asked to simulate: robot, its sim.yaml, scene, spawn. Setup world; throws config::ConfigError.
+// What the plugin was asked to simulate: robot, its sim.yaml, scene, spawn. Setup world; throws
+// config::ConfigError.
 #pragma once
 #include <array>
 #include <filesystem>
@@ -20,17 +21,17 @@ struct JointSimConfig {
 
 struct WheelSimConfig {
   double armature = 0, servo_damping = 0, brake_stiffness = 0, brake_damping = 0;
-  std::array<double, 3> friction{};      // sliding, spinning [m], rolling [m]
+  std::array<double, 3> friction{};  // sliding, spinning [m], rolling [m]
 };
 
 struct CastorSimConfig {
-  std::vector<std::string> collisions;   // names in the URDF
+  std::vector<std::string> collisions;  // names in the URDF
   std::array<double, 3> friction{};
 };
 
 struct GripperSimConfig {
   double armature_kg = 0, servo_npm = 0, servo_nspm = 0, speed_mps = 0, force_max_n = 0;
-  std::vector<std::string> pads;         // collision names in the URDF
+  std::vector<std::string> pads;  // collision names in the URDF
   std::array<double, 3> friction{};
 };
 
@@ -38,7 +39,7 @@ struct GripperSimConfig {
 struct RobotSimConfig {
   TimeNs step_ns = 0;
   std::string imu, wrench_link;
-  std::vector<JointSimConfig> joints;    // in the order of q
+  std::vector<JointSimConfig> joints;  // in the order of q
   WheelSimConfig wheels;
   CastorSimConfig castors;
   GripperSimConfig gripper;
@@ -56,8 +57,8 @@ struct PluginConfig {
   RobotSimConfig sim;
   Scene scene;
   std::uint64_t seed = 0;
-  std::optional<Spawn> spawn;            // none: drawn from the seed
-  std::vector<double> posture;           // q, rad
+  std::optional<Spawn> spawn;   // none: drawn from the seed
+  std::vector<double> posture;  // q, rad
   bool colour = false;
   bool render_thread = false;
 

@@ -1,8 +1,6 @@
-// The base follows Reference::base: 1/2 |position error|^2 and 1/2 (yaw error, wrapped)^2, times
-// base_scale.
-#include <cmath>
-#include <numbers>
-
+// The base follows Reference::base: 1/2 |position error|^2 and 1/2 (yaw error)^2, times base_scale.
+// Yaw is continuous from the robot's present one on, so its error is not wrapped: a plan that has turned the wrong way by more
+// than half a turn must be pulled back, not further round.
 #include "mpc/terms/terms.hpp"
 
 namespace wb {
@@ -16,8 +14,7 @@ class BaseRouteTerm final : public Term {
 
   double evaluate(Node& node, Quadratic* quadratic) const noexcept override {
     if (!node.sample->has_base) return 0.0;
-    Eigen::Vector3d error = node.x.head<3>() - node.sample->base;
-    error[2] = std::remainder(error[2], 2.0 * std::numbers::pi);
+    const Eigen::Vector3d error = node.x.head<3>() - node.sample->base;
     const Eigen::Vector3d weights = node.reference->base_scale * weights_;
     if (quadratic) {
       quadratic->q.head<3>() += weights.cwiseProduct(error);

@@ -1,19 +1,21 @@
 // The robot's spheres keep clear of the mapped obstacles: mu / 2 min(0, z - delta)^2 with z = d(p)
-// - radius - margin, d the distance field in W. Masked spheres may enter the unit being opened:
-// they ignore the field where the nearest obstacle, p - d grad d, is inside an active mask box. The
-// box is grown by a voxel, which is as well as the map knows where a surface is.
+// - radius - margin, d the distance field in W. Masked spheres may enter the unit being opened: they
+// ignore the field where a mask box explains it, that is, where the box is no further away than the
+// nearest obstacle, give or take a voxel, which is as well as the map knows where a surface is.
 #include "mpc/terms/terms.hpp"
 
 namespace wb {
 namespace {
 
-bool inside_a_mask(const Reference& reference, const Eigen::Vector3d& p_W, double grown_by) {
+bool explained_by_a_mask(const Reference& reference, const Eigen::Vector3d& p_W, double distance,
+                         double voxel) {
   for (const MaskBox& mask : reference.masks) {
     if (!mask.active) continue;
     const Eigen::Vector3d p_M =
         mask.X_WM.rotation().conjugate() * Eigen::Vector3d(p_W - mask.X_WM.position());
     const Eigen::Array3d half(mask.half_extent[0], mask.half_extent[1], mask.half_extent[2]);
-    if ((p_M.array().abs() <= half + grown_by).all()) return true;
+    const double to_box = (p_M.array().abs() - half).max(0.0).matrix().norm();
+    if (to_box == 0.0 || to_box <= distance + voxel) return true;
   }
   return false;
 }
@@ -37,15 +39,15 @@ class EnvironmentTerm final : public Term {
       const double distance = node.field->distance(p_W);
       const double short_of = distance - sphere.radius - margin_ - delta_;
       if (short_of >= 0.0) continue;  // a NaN goes on into the cost
-      Eigen::Vector3d slope;
-      if (quadratic || sphere.masked) node.field->distance(p_W, &slope);
       if (sphere.masked &&
-          inside_a_mask(*node.reference, p_W - distance * slope, node.field->resolution())) {
+          explained_by_a_mask(*node.reference, p_W, distance, node.field->resolution())) {
         continue;
       }
       cost += 0.5 * mu_ * short_of * short_of;
       node.active_spheres |= std::uint64_t{1} << i;
       if (!quadratic) continue;
+      Eigen::Vector3d slope;
+      node.field->distance(p_W, &slope);
       PointJacobian J;
       model_->point_jacobian(sphere.body, p_W, node.kinematics, J);
       StateVector gradient(node.x.size());

@@ -18,17 +18,21 @@ using test::SimDriver;
 
 const std::string kSpawn = "spawn: {x_m: -0.1, y_m: 0.9, yaw_rad: 0.2, posture: ready}";
 
-double mj_depth(const sim::Plant& plant, const Eigen::Isometry3d& X_SC, const CameraIntrinsics& k, int u, int v) {
-  const Vector3d ray = X_SC.linear() * Vector3d((u + 0.5 - k.cx) / k.fx, (v + 0.5 - k.cy) / k.fy, 1);
+double mj_depth(const sim::Plant& plant, const Eigen::Isometry3d& X_SC, const CameraIntrinsics& k,
+                int u, int v) {
+  const Vector3d ray =
+      X_SC.linear() * Vector3d((u + 0.5 - k.cx) / k.fx, (v + 0.5 - k.cy) / k.fy, 1);
   int geom = -1;
-  const double t = mj_ray(&plant.model(), &plant.data(), X_SC.translation().data(), ray.data(), nullptr, 1, -1, &geom);
+  const double t = mj_ray(&plant.model(), &plant.data(), X_SC.translation().data(), ray.data(),
+                          nullptr, 1, -1, &geom);
   return geom < 0 ? std::numeric_limits<double>::infinity() : t;
 }
 
 TEST(SimRayCaster, DepthIsThatOfMujocosRays) {
   const auto config = sim::PluginConfig::parse(sim_config(kSpawn), WB_SOURCE_DIR "/config");
   sim::Plant plant(config);
-  for (int joint = 0; joint < plant.model().njnt; ++joint) {   // an open kitchen shows more kinds of edges
+  for (int joint = 0; joint < plant.model().njnt;
+       ++joint) {  // an open kitchen shows more kinds of edges
     if (plant.model().jnt_stiffness[joint] > 0) plant.set_part(joint, 0.3);
   }
   sim::RayCaster caster(plant.model(), 160, 120);
@@ -44,7 +48,9 @@ TEST(SimRayCaster, DepthIsThatOfMujocosRays) {
         const double expected = mj_depth(plant, X_SC, k, u, v), depth = caster.depth_row(v)[u];
         ++compared;
         // Single precision over a 5 m kitchen, and rays that graze an edge within it.
-        if (std::isinf(expected) != std::isinf(depth) || std::abs(expected - depth) > 1e-5 * expected) ++grazing;
+        if (std::isinf(expected) != std::isinf(depth) ||
+            std::abs(expected - depth) > 1e-5 * expected)
+          ++grazing;
       }
     }
   }
@@ -61,23 +67,29 @@ TEST(SimRayCaster, SeesEveryPrimitiveFromInsideAndOutside) {
   const sim::ModelPtr model = sim::compile(text);
   const sim::DataPtr data(mj_makeData(model.get()));
   mj_forward(model.get(), data.get());
-  const CameraIntrinsics k{61, 43, 30, 30, 30.5, 21.5, 0, 100};   // a width that is no multiple of the lanes
+  const CameraIntrinsics k{61,   43,   30, 30,
+                           30.5, 21.5, 0,  100};  // a width that is no multiple of the lanes
   sim::RayCaster caster(*model, k.width, k.height);
   sim::GeomPoses poses(*model);
   poses.take(*data, 0);
   int wrong = 0, hits = 0;
-  const std::vector<Vector3d> eyes = {{0, 0, 0.5}, {0, 1, 1}, {1, 1, 1}, {-1, 1, 1}, {0, -1, 1}, {0, 0, 2}, {2, -2, 3}};
+  const std::vector<Vector3d> eyes = {{0, 0, 0.5}, {0, 1, 1}, {1, 1, 1}, {-1, 1, 1},
+                                      {0, -1, 1},  {0, 0, 2}, {2, -2, 3}};
   for (const Vector3d& eye : eyes) {
     for (int i = 0; i < 24; ++i) {
       Eigen::Isometry3d X_SC = Eigen::Isometry3d::Identity();
-      X_SC.linear() = (Eigen::AngleAxisd(0.7 * i, Vector3d::UnitZ()) * Eigen::AngleAxisd(0.4 * i, Vector3d::UnitX())).toRotationMatrix();
+      X_SC.linear() = (Eigen::AngleAxisd(0.7 * i, Vector3d::UnitZ()) *
+                       Eigen::AngleAxisd(0.4 * i, Vector3d::UnitX()))
+                          .toRotationMatrix();
       X_SC.translation() = eye;
       caster.render(poses, X_SC, k);
       for (int v = 0; v < k.height; ++v) {
         for (int u = 0; u < k.width; ++u) {
-          const Vector3d ray = X_SC.linear() * Vector3d((u + 0.5 - k.cx) / k.fx, (v + 0.5 - k.cy) / k.fy, 1);
+          const Vector3d ray =
+              X_SC.linear() * Vector3d((u + 0.5 - k.cx) / k.fx, (v + 0.5 - k.cy) / k.fy, 1);
           int geom = -1;
-          const double t = mj_ray(model.get(), data.get(), eye.data(), ray.data(), nullptr, 1, -1, &geom);
+          const double t =
+              mj_ray(model.get(), data.get(), eye.data(), ray.data(), nullptr, 1, -1, &geom);
           if (geom >= 0) ++hits;
           const double expected = geom < 0 ? std::numeric_limits<double>::infinity() : t;
           // The far plane near its horizon is left out: depths grow without bound there.
@@ -87,7 +99,7 @@ TEST(SimRayCaster, SeesEveryPrimitiveFromInsideAndOutside) {
     }
   }
   EXPECT_GT(hits, 100'000);
-  EXPECT_LE(wrong, hits / 5'000);   // rays that graze
+  EXPECT_LE(wrong, hits / 5'000);  // rays that graze
 }
 
 TEST(SimCameras, FramesCarryTheirExposuresStampAndAppearAfterTheDelay) {
@@ -109,7 +121,7 @@ TEST(SimCameras, FramesCarryTheirExposuresStampAndAppearAfterTheDelay) {
     EXPECT_GE(static_cast<double>(stamps[k]), due);
     EXPECT_LT(static_cast<double>(stamps[k]), due + kTick);
   }
-  EXPECT_EQ(sim.api().release_frame(sim.get(), frame.token), WB_ERROR);   // twice
+  EXPECT_EQ(sim.api().release_frame(sim.get(), frame.token), WB_ERROR);  // twice
 }
 
 TEST(SimCameras, NoiseGrowsWithTheSquareOfDepthAndOnePercentDropsOut) {
@@ -117,7 +129,7 @@ TEST(SimCameras, NoiseGrowsWithTheSquareOfDepthAndOnePercentDropsOut) {
   const sim::Plant plant(config);
   sim::Cameras cameras(config, plant);
   cameras.expose(plant, 0);
-  cameras.expose(plant, 0);   // not due again
+  cameras.expose(plant, 0);  // not due again
   int returns = 0, dropped = 0, frames = 0;
   double sum = 0, square = 0;
   // The frames are visible 30 ms later.
@@ -148,7 +160,8 @@ TEST(SimCameras, NoiseGrowsWithTheSquareOfDepthAndOnePercentDropsOut) {
   EXPECT_EQ(frames, 5);
   ASSERT_GT(returns, 20'000);
   EXPECT_NEAR(sum / returns, 0.0, 4.0 / std::sqrt(returns));
-  EXPECT_NEAR(std::sqrt(square / returns), 1.0, 0.03);          // four standard errors of a deviation over 2e4 samples
+  EXPECT_NEAR(std::sqrt(square / returns), 1.0,
+              0.03);  // four standard errors of a deviation over 2e4 samples
   EXPECT_NEAR(static_cast<double>(dropped) / (returns + dropped), 0.01, 0.003);
 }
 
@@ -165,7 +178,9 @@ TEST(SimCameras, ForgetTheOldestFrameThatNobodyTook) {
     newest = std::max(newest, frame.t_ns);
     sim.api().release_frame(sim.get(), frame.token);
   }
-  EXPECT_EQ(frames, 6 * 5);                                      // the ring's slots, of each camera
+  EXPECT_EQ(frames, (6 - 1) * 5);  // the ring's slots of each camera, less the one still under way
+  EXPECT_EQ(sim.truth().frames_dropped(sim.get()),
+            31u * 5 - 6 * 5);  // exposures 0 to 30 in 2 s, less those that are kept
   EXPECT_GE(newest, sim.now() - 30'000'000 - 66'666'667 - kTick);
 }
 
@@ -192,7 +207,8 @@ TEST(SimCameras, AWorkerThreadDevelopsTheSameDepths) {
   for (std::uint32_t i = 0; i < inside.description().camera_count; ++i) {
     ASSERT_EQ(inside.api().acquire_frame(inside.get(), &a), WB_OK);
     while (outside.api().acquire_frame(outside.get(), &b) != WB_OK) {
-      timespec pause{0, 1'000'000};   // the worker's time is its own; the test's time-out bounds the wait
+      timespec pause{
+          0, 1'000'000};  // the worker's time is its own; the test's time-out bounds the wait
       nanosleep(&pause, nullptr);
     }
     ASSERT_EQ(a.camera, b.camera);

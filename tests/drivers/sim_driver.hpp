@@ -1,5 +1,5 @@
-// The simulated-driver plugin as its host sees it: loaded from the build tree, stepped on a virtual clock.
-// Joints are the description's: the arm in robot.yaml's order, then the wheels.
+// The simulated-driver plugin as its host sees it: loaded from the build tree, stepped on a virtual
+// clock. Joints are the description's: the arm in robot.yaml's order, then the wheels.
 #pragma once
 #include <dlfcn.h>
 
@@ -19,13 +19,17 @@ inline constexpr TimeNs kTick = 2'500'000;
 
 // robot, scene and seed, then whatever the test adds.
 inline std::string sim_config(const std::string& more, int seed = 1) {
-  return "{robot: robots/mabi_mobile, scene: scenes/kitchen_line.yaml, seed: " + std::to_string(seed) + ", " + more + "}";
+  return "{robot: robots/mabi_mobile, scene: scenes/kitchen_line.yaml, seed: " +
+         std::to_string(seed) + ", " + more + "}";
 }
 
 class SimDriver {
  public:
-  explicit SimDriver(const std::string& config, const std::string& library = WB_BUILD_DIR "/drivers/libwb_driver_sim.so") {
-    void* handle = dlopen(library.c_str(), RTLD_NOW | RTLD_LOCAL);   // stays loaded: other drivers of the test share it
+  explicit SimDriver(const std::string& config,
+                     const std::string& library = WB_BUILD_DIR "/drivers/libwb_driver_sim.so") {
+    void* handle =
+        dlopen(library.c_str(),
+               RTLD_NOW | RTLD_LOCAL);  // stays loaded: other drivers of the test share it
     if (handle == nullptr) throw std::runtime_error(dlerror());
     api_ = reinterpret_cast<wb_driver_entry_fn>(dlsym(handle, WB_DRIVER_ENTRY))();
     driver_ = api_->create(config.c_str(), WB_SOURCE_DIR "/config", note, &log_);
@@ -52,7 +56,8 @@ class SimDriver {
   int wheels() const { return 2; }
   int arm() const { return static_cast<int>(description_.joint_count) - wheels(); }
 
-  wb_status activate(wb_timeout_action arm_action = WB_TIMEOUT_HOLD, TimeNs timeout_ns = 50'000'000) {
+  wb_status activate(wb_timeout_action arm_action = WB_TIMEOUT_HOLD,
+                     TimeNs timeout_ns = 50'000'000) {
     std::vector<wb_timeout_action> actions(description_.joint_count, arm_action);
     std::fill(actions.begin() + arm(), actions.end(), WB_TIMEOUT_BRAKE);
     return api_->activate(driver_, timeout_ns, actions.data());
@@ -73,7 +78,8 @@ class SimDriver {
   // Writes commands(t) every tick.
   template <class Commands>
   void run(double duration_s, Commands&& commands) {
-    for (const TimeNs end = now_ + from_seconds(duration_s); now_ < end; advance(kTick)) write(commands(now_));
+    for (const TimeNs end = now_ + from_seconds(duration_s); now_ < end; advance(kTick))
+      write(commands(now_));
   }
 
   wb_sim_object object(const std::string& name) const {

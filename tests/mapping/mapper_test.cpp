@@ -315,9 +315,13 @@ TEST(Mapper, FramesWithoutPoseAreCountedAndChangeNothing) {
   rig.frames[2].camera = 99;                        // no camera of this robot
   rig.frames[3].depth.pop_back();                   // not the size that it claims
   rig.frames[4].intrinsics.fx = std::numeric_limits<double>::quiet_NaN();
+  DepthFrame endless = rig.frames[4];
+  endless.intrinsics = rig.frames[3].intrinsics;
+  endless.intrinsics.range_max_m = std::numeric_limits<double>::infinity();
+  rig.pointers.push_back(&endless);
   const MapReport report = rig.update();
   EXPECT_EQ(report.frames, 0);
-  EXPECT_EQ(report.frames_without_pose, 5);
+  EXPECT_EQ(report.frames_without_pose, 6);
   EXPECT_TRUE(std::equal(before.begin(), before.end(), rig.field.data()));
   EXPECT_EQ(rig.field.t_ns, stamp);
 }

@@ -218,6 +218,17 @@ TEST(VoxelMap, HitBeatsEveryMissOfItsScan) {
   EXPECT_GT(map.log_odds(leg), kOccupied);
 }
 
+TEST(VoxelMap, EvidenceCountsAgainOnceTheScanCountHasGoneRound) {
+  const Eigen::Vector3d from(-0.75, 0.05, 0.05), object(0.05, 0.05, 0.05);
+  for (const int scans_between : {65534, 65535, 65536}) {  // the count has 16 bits
+    VoxelMap map(small_config());
+    scan(map, from, {{object, RayEnd::kSurface}});
+    for (int n = 0; n < scans_between; ++n) scan(map, from, {});
+    scan(map, from, {{object, RayEnd::kSurface}});
+    EXPECT_FLOAT_EQ(map.log_odds(object), 2 * kHit);
+  }
+}
+
 TEST(VoxelMap, TwoHitsAppearAndFourMissesClear) {
   VoxelMap map(small_config());
   const Eigen::Vector3d from(-0.75, 0.05, 0.05), object(0.05, 0.05, 0.05),

@@ -1,9 +1,12 @@
 // The robots that the model's tests run on: Mabi-Mobile, and a fixed tree with what it lacks
 // (branches, sliding joints, oblique axes, turned inertias). Setup world.
 #pragma once
+#include <unistd.h>
+
 #include <filesystem>
 #include <fstream>
 #include <random>
+#include <string>
 
 #include "core/model/robot_model.hpp"
 
@@ -22,7 +25,10 @@ inline RobotConfig tree() {
   const std::string inertial =
       R"(<inertial><origin xyz="0.1 -0.05 0.2" rpy="0.3 -0.2 0.5"/><mass value="1.5"/>
          <inertia ixx="0.02" ixy="0.001" ixz="-0.002" iyy="0.03" iyz="0.003" izz="0.025"/></inertial>)";
-  std::ofstream(config.urdf)
+  // Tests run side by side: each writes its own file, and all of them put the same text in the same
+  // place.
+  const std::filesystem::path own = config.urdf.string() + std::to_string(getpid());
+  std::ofstream(own)
       << R"(<robot name="tree"><link name="root">)" << inertial << "</link>"
       << R"(<link name="slide">)" << inertial << "</link>"
       << R"(<joint name="a" type="prismatic"><parent link="root"/><child link="slide"/>
@@ -43,6 +49,7 @@ inline RobotConfig tree() {
       << R"(<joint name="d" type="revolute"><parent link="slide"/><child link="right"/>
             <origin xyz="0 -0.3 0.1" rpy="0.2 0 0"/><axis xyz="-1 0 1"/>)"
       << limit << "</joint></robot>";
+  std::filesystem::rename(own, config.urdf);
   config.base.link = "root";
   for (const char* name : {"a", "b", "c", "d"}) config.joints.push_back({name, 5.0});
   config.end_effector = "left_tip";
