@@ -103,7 +103,7 @@ void print_state(wb::System& system, wb::TimeNs now) {
       const wb::Sphere& sphere = model.spheres()[i];
       const Eigen::Vector3d p = data.X_WL[sphere.body] * sphere.centre;
       const double gap = field->distance(p) - sphere.radius;
-      if (gap < 0.02) std::fprintf(stderr, " sphere %zu%s gap %.3f at %.2f %.2f %.2f", i, sphere.masked ? " (masked)" : "", gap, p.x(), p.y(), p.z());
+      if (gap < 0.03) std::fprintf(stderr, " sphere %zu%s gap %.3f at %.2f %.2f %.2f", i, sphere.masked ? " (masked)" : "", gap, p.x(), p.y(), p.z());
     }
   }
   std::fprintf(stderr, "\n");

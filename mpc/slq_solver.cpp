@@ -80,7 +80,8 @@ struct SlqSolver::Workspace {
   SolveStatus solve(const SolveInput& input, Policy& policy, SolveReport& report) noexcept;
   bool prepare(const SolveInput& input) noexcept;
   void set_input_box(const SolveInput& input) noexcept;
-  void shift_last(const SolveInput& input) noexcept;
+  void shift(const Policy& from, const SolveInput& input) noexcept;
+  bool start(const SolveInput& input) noexcept;
   bool linearise_warm_start(const SolveInput& input) noexcept;
   double roll_out(double length, double worst) noexcept;
   double visit(int i, const StateVector& x, const InputVector* u, Quadratic* quadratic,
@@ -98,7 +99,7 @@ struct SlqSolver::Workspace {
   Trajectory trajectories[2];
   Trajectory* now = &trajectories[0];   // about which the problem is linearised
   Trajectory* next = &trajectories[1];  // tried by the line search
-  Policy shifted;                       // the last policy on the new grid
+  Policy shifted;                       // the warm start on the new grid
   Policy last;                          // nodes = 0: none
   double regularisation = 0;
   std::uint64_t solves = 0;
@@ -126,10 +127,10 @@ bool SlqSolver::Workspace::prepare(const SolveInput& input) noexcept {
          all_finite(input.x0, problem->nx());
 }
 
-// The last policy, seen from the new grid: states interpolated, inputs averaged over the new
-// intervals (which keeps where they lead), gains of the node in force. Without one: stay where x0
-// is.
-void SlqSolver::Workspace::shift_last(const SolveInput& input) noexcept {
+// A policy, seen from the new grid: states interpolated, inputs averaged over the new
+// intervals (which keeps where they lead), gains of the node in force. Without nodes: stay where
+// x0 is.
+void SlqSolver::Workspace::shift(const Policy& from_policy, const SolveInput& input) noexcept {
   const int count = problem->nodes(), nx = problem->nx(), nu = problem->nu();
   shifted.nodes = count;
   shifted.states = nx;
@@ -137,29 +138,29 @@ void SlqSolver::Workspace::shift_last(const SolveInput& input) noexcept {
   std::copy_n(t.begin(), count, shifted.t.begin());
   std::fill_n(shifted.u_data.begin(), count * nu, 0.0);
   std::fill_n(shifted.k_data.begin(), count * nu * nx, 0.0);
-  if (last.nodes == 0) {
+  if (from_policy.nodes == 0) {
     for (int i = 0; i < count; ++i) {
       for (int r = 0; r < nx; ++r) shifted.x(i)[r] = std::isfinite(input.x0[r]) ? input.x0[r] : 0.0;
     }
     return;
   }
-  const TimeNs end = last.t[last.nodes - 1];
+  const TimeNs end = from_policy.t[from_policy.nodes - 1];
   for (int i = 0; i < count; ++i) {
-    const int from = std::min(node_at(last, t[i]), last.nodes - 2);
-    const double s = std::clamp(static_cast<double>(t[i] - last.t[from]) /
-                                    static_cast<double>(last.t[from + 1] - last.t[from]),
+    const int from = std::min(node_at(from_policy, t[i]), from_policy.nodes - 2);
+    const double s = std::clamp(static_cast<double>(t[i] - from_policy.t[from]) /
+                                    static_cast<double>(from_policy.t[from + 1] - from_policy.t[from]),
                                 0.0, 1.0);
     for (int r = 0; r < nx; ++r) {
-      shifted.x(i)[r] = (1.0 - s) * last.x(from)[r] + s * last.x(from + 1)[r];
+      shifted.x(i)[r] = (1.0 - s) * from_policy.x(from)[r] + s * from_policy.x(from + 1)[r];
     }
     if (i + 1 == count || t[i] >= end) continue;
-    std::copy_n(last.K(from).data(), nu * nx, shifted.K(i).data());
-    for (int j = from; j + 1 < last.nodes; ++j) {
-      const TimeNs begins = j == from ? t[i] : last.t[j];
+    std::copy_n(from_policy.K(from).data(), nu * nx, shifted.K(i).data());
+    for (int j = from; j + 1 < from_policy.nodes; ++j) {
+      const TimeNs begins = j == from ? t[i] : from_policy.t[j];
       if (begins >= t[i + 1]) break;
-      const double part = static_cast<double>(std::min(last.t[j + 1], t[i + 1]) - begins) /
+      const double part = static_cast<double>(std::min(from_policy.t[j + 1], t[i + 1]) - begins) /
                           static_cast<double>(t[i + 1] - t[i]);
-      for (int r = 0; r < nu; ++r) shifted.u(i)[r] += part * last.u(j)[r];
+      for (int r = 0; r < nu; ++r) shifted.u(i)[r] += part * from_policy.u(j)[r];
     }
   }
 }
@@ -241,6 +242,24 @@ bool SlqSolver::Workspace::linearise_warm_start(const SolveInput& input) noexcep
   return std::isfinite(now->cost);
 }
 
+// Linearises about the better warm start of the two: the last policy shifted, or the guess. A line search never leaves
+// the valley that it starts in; a guess that follows the reference leads out of one that the reference has left.
+bool SlqSolver::Workspace::start(const SolveInput& input) noexcept {
+  double guessed = std::numeric_limits<double>::infinity();
+  const bool have_guess = input.guess && input.guess->nodes > 1 && input.guess->states == problem->nx() &&
+                          input.guess->inputs == problem->nu();
+  if (have_guess) {
+    shift(*input.guess, input);
+    if (linearise_warm_start(input)) guessed = now->cost;
+  }
+  shift(last, input);
+  const bool finite = linearise_warm_start(input);
+  if (finite && !(guessed < now->cost)) return true;
+  if (!std::isfinite(guessed)) return false;
+  shift(*input.guess, input);
+  return linearise_warm_start(input);
+}
+
 // Rolls out u = u_now + length k + K (x - x_now) within the box into `next`. Gives up once the cost
 // exceeds `worst`.
 double SlqSolver::Workspace::roll_out(double length, double worst) noexcept {
@@ -288,14 +307,14 @@ SolveStatus SlqSolver::Workspace::solve(const SolveInput& input, Policy& policy,
   report = {};
   report.nodes = problem->nodes();
   for (int i = 0; i < problem->nodes(); ++i) t[i] = input.t0 + from_seconds(problem->grid()[i]);
-  shift_last(input);
 
   LqResult lq;
   if (prepare(input)) {
     set_input_box(input);
-    if (linearise_warm_start(input)) lq = solve_lq(stages, terminal, regularisation);
+    if (start(input)) lq = solve_lq(stages, terminal, regularisation);
   }
   if (!lq.finite) {
+    shift(last, input);
     publish(input, *now, false, policy);
     return report.status = SolveStatus::kNotFinite;
   }

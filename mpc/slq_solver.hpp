@@ -26,6 +26,8 @@ struct SolveInput {
   const double* x0 = nullptr;  // nx() entries: base x, y [m], yaw [rad]; q
   const Reference* reference = nullptr;
   const DistanceField* field = nullptr;  // may be null or empty: no map yet
+  // Another warm start, taken where it costs less than the last policy; may be null.
+  const Policy* guess = nullptr;
 };
 
 // What a solve did; fixed size, part of the MPC step's record.

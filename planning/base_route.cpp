@@ -166,6 +166,9 @@ void BaseRoute::follow(TimeNs t0, std::array<double, 3> pose, std::array<double,
   const double v_max = speed_factor_ * base_.velocity_max, w_max = speed_factor_ * base_.yaw_rate_max;
   const double a_max = 0.7 * base_.acceleration_max, b_max = 0.7 * base_.yaw_acceleration_max;  // the MPC needs some of it
   const Eigen::Vector2d goal = waypoint_[waypoints_ - 1];
+  // A base that stopped a little off the goal turns on the spot; it does not set out again for the rest.
+  constexpr double kClose = 0.05, kArrived = 0.10;
+  const bool arrived = (goal - Eigen::Vector2d(pose[0], pose[1])).norm() < kArrived;
   int segment = 0;
   ref.base_count = 0;
   for (int step = 0; ref.base_count < kMaxKeyframes - 16; ++step) {
@@ -198,7 +201,7 @@ void BaseRoute::follow(TimeNs t0, std::array<double, 3> pose, std::array<double,
     left = (goal - p).norm();
 
     double v_wish = 0, w_wish = 0;
-    if (left > 0.05) {
+    if (left > (arrived ? kArrived : kClose)) {
       double bearing = wrap(std::atan2(target.y() - p.y(), target.x() - p.x()) - pose[2]);
       double sign = 1.0;
       if (left < reverse_m_ && std::abs(bearing) > M_PI / 2) {  // a short way back is driven backwards

@@ -1,5 +1,7 @@
 #include "planning/motion_planner.hpp"
 
+#include <cmath>
+
 namespace wb {
 
 MotionPlanner::MotionPlanner(std::shared_ptr<const RobotModel> model, const std::vector<std::string>& disabled_terms)
@@ -7,6 +9,26 @@ MotionPlanner::MotionPlanner(std::shared_ptr<const RobotModel> model, const std:
       problem_(std::make_shared<OptimalControlProblem>(model_, disabled_terms)),
       solver_(problem_),
       route_(model_->config().base, config::Section::open(model_->config().folder / "route.yaml")) {}
+
+void MotionPlanner::guess_from_route(const std::array<double, kMaxStates>& x0) RT_SAFE {
+  const int joints = model_->joints();
+  guess_.nodes = reference_.base_count;
+  guess_.states = model_->nx();
+  guess_.inputs = model_->nu();
+  for (int i = 0; i < guess_.nodes; ++i) {
+    const BaseKeyframe& k = reference_.base[i];
+    guess_.t[i] = k.t_ns;
+    for (int r = 0; r < 3; ++r) guess_.x(i)[r] = k.base[r];
+    for (int r = 0; r < joints; ++r) guess_.x(i)[3 + r] = x0[3 + r];
+    guess_.u(i).setZero();
+    guess_.K(i).setZero();
+    if (i + 1 == guess_.nodes) break;
+    const BaseKeyframe& next = reference_.base[i + 1];
+    const double dt = to_seconds(next.t_ns - k.t_ns), heading = 0.5 * (k.base[2] + next.base[2]);
+    guess_.u(i)[0] = ((next.base[0] - k.base[0]) * std::cos(heading) + (next.base[1] - k.base[1]) * std::sin(heading)) / dt;
+    guess_.u(i)[1] = (next.base[2] - k.base[2]) / dt;
+  }
+}
 
 SolveStatus MotionPlanner::step(const RobotState& state, const Reference& reference, const DistanceField* field, Policy& policy,
                                 SolveReport& report) RT_SAFE {
@@ -17,7 +39,11 @@ SolveStatus MotionPlanner::step(const RobotState& state, const Reference& refere
   const int base = model_->base_dof();
   for (int i = 0; i < base; ++i) x0[i] = state.base[i];
   for (int i = 0; i < model_->joints(); ++i) x0[base + i] = state.q_command[i];
-  const SolveStatus status = solver_.solve({state.t_ns, x0.data(), &reference_, field}, policy, report);
+  // Following the route is a warm start, too: the solver takes it when its own has strayed into a worse valley.
+  const bool routed = reference_.base_goal_active && reference_.base_count > 1;
+  if (routed) guess_from_route(x0);
+  const SolveStatus status =
+      solver_.solve({state.t_ns, x0.data(), &reference_, field, routed ? &guess_ : nullptr}, policy, report);
   policy.reference_seq = reference.seq;
   policy.field_seq = field ? field->seq : 0;
   return status;

@@ -24,11 +24,14 @@ class MotionPlanner {
   const OptimalControlProblem& problem() const { return *problem_; }
 
  private:
+  void guess_from_route(const std::array<double, kMaxStates>& x0) RT_SAFE;
+
   std::shared_ptr<const RobotModel> model_;
   std::shared_ptr<const OptimalControlProblem> problem_;
   SlqSolver solver_;
   BaseRoute route_;
   Reference reference_;
+  Policy guess_;   // inputs that follow the route, arm at rest
 };
 
 }  // namespace wb

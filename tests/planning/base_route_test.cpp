@@ -211,6 +211,30 @@ TEST(BaseRoute, PassesThroughADoorwayInItsMiddle) {
   EXPECT_GE(least, rig.robot.base.bounding_radius_m - kHalfCell);
 }
 
+TEST(BaseRoute, GapThatIsTooNarrowIsPassedBy) {
+  // 1.0 m straight ahead, less than the robot's circle of 1.1 m; 1.6 m wide farther off.
+  const std::vector<Box> walls = {
+      {{0.9, -4.0}, {1.1, -0.5}}, {{0.9, 0.5}, {1.1, 1.6}}, {{0.9, 3.2}, {1.1, 4.0}}};
+  const DistanceField field = field_of(walls);
+  Rig rig;
+  double least;
+  const Base goal = {3.0, 0.0, 0};
+  expect_at(drive(rig, {-1.0, 0, 0}, goal, &field, walls, 25, least), goal);
+  EXPECT_GE(least, rig.robot.base.bounding_radius_m);
+}
+
+TEST(BaseRoute, KeepsItsComfortableDistanceWhereThatCostsLittle) {
+  // A straight line would pass the corner at the circle's radius and a bit more; swerving costs
+  // centimetres.
+  const std::vector<Box> corner = {{{-0.5, -4.0}, {0.5, -0.65}}};
+  const DistanceField field = field_of(corner);
+  Rig rig;
+  double least;
+  const Base goal = {3.0, 0.0, 0};
+  expect_at(drive(rig, {-3.0, 0, 0}, goal, &field, corner, 15, least), goal);
+  EXPECT_GE(least, 0.8 - kHalfCell) << "comfort_m of route.yaml";
+}
+
 TEST(BaseRoute, WhereNoClearPathIsKnownItStillLeadsToTheGoal) {
   const std::vector<Box> wall = {{{0.9, -4.0}, {1.1, 4.0}}};
   const DistanceField field = field_of(wall);
