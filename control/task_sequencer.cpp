@@ -21,7 +21,9 @@ TaskSequencer::TaskSequencer(std::shared_ptr<const RobotModel> model, const conf
   t.finish();
   pre_grasp_standoff_m_ = section.number("pre_grasp_standoff_m", kPositive);
   grasp_depth_m_ = section.number("grasp_depth_m");
-  regrasp_back_m_ = section.number("regrasp_back_m");
+  regrasp_step_m_ = section.number("regrasp_step_m", kPositive);
+  probe_distance_m_ = section.number("probe_distance_m", kPositive);
+  probe_held_n_ = section.number("probe_held_n", kPositive);
   grasp_tolerance_m_ = section.number("grasp_tolerance_m", kPositive);
   grasp_speed_mps_ = section.number("grasp_speed_mps", kPositive);
   retreat_distance_m_ = section.number("retreat_distance_m", kPositive);
@@ -55,6 +57,7 @@ void TaskSequencer::start(const Request& request, const RobotState& state) RT_SA
   if (request.kind == RequestKind::kMoveJoints) request_.base = state.base;  // the base stays where the task finds it
   have_plan_ = false;
   regrasps_ = 0;
+  regrasp_offset_m_ = 0;
   why_ = Why::kNothing;
   held_ = false;
   regrasp_after_retreat_ = false;
@@ -74,7 +77,7 @@ void TaskSequencer::enter(Phase phase, const TaskInput& in) RT_SAFE {
   phase_ = phase;
   phase_start_ = in.t_ns;
   settled_since_ = 0;
-  closing_ = false;
+  closing_ = probing_ = false;
   line_from_ = X_WE_;
 }
 
@@ -218,8 +221,7 @@ void TaskSequencer::pre_grasp(const TaskInput& in, Reference& ref) RT_SAFE {
 
 void TaskSequencer::grasp(const TaskInput& in, Reference& ref) RT_SAFE {
   const RobotState& s = *in.state;
-  // Closed beside the bar: most likely it lay behind the pads, so the second try stays further out.
-  const Eigen::Isometry3d target = hand_pose(regrasps_ * regrasp_back_m_ - grasp_depth_m_);
+  const Eigen::Isometry3d target = hand_pose(regrasp_offset_m_ - grasp_depth_m_);
   line(line_from_, target, phase_start_, grasp_speed_mps_, ref);
   set_posture(model_->config().ready, 0.1, ref);
   set_masks(plan_.articulation.value, ref);
@@ -233,8 +235,23 @@ void TaskSequencer::grasp(const TaskInput& in, Reference& ref) RT_SAFE {
     return;
   }
   out_.gripper = {0.0, grip_force_n_};
+  if (probing_) {
+    // Closed beside the bar. Pulling a little tells where it is: a bar that lies behind the pads holds the hand back, one
+    // before their tips does not. The second try goes the other way.
+    line(probe_from_, probe_from_ * Eigen::Translation3d(0, 0, -probe_distance_m_), probe_since_, grasp_speed_mps_, ref);
+    probe_force_n_ = std::max(probe_force_n_, s.wrench[2]);
+    if (in.t_ns < ref.ee[1].t_ns + from_seconds(grip_settle_s_)) return;
+    regrasp_offset_m_ = probe_force_n_ > probe_held_n_ ? regrasp_step_m_ : -regrasp_step_m_;
+    return fail(Why::kMissed, in);
+  }
   if (to_seconds(in.t_ns - closing_since_) < grip_settle_s_) return;
-  if (s.gripper_opening_m < 2 * plan_.handle_radius_m - closed_margin_m_) return fail(Why::kMissed, in);
+  if (s.gripper_opening_m < 2 * plan_.handle_radius_m - closed_margin_m_) {
+    probing_ = true;
+    probe_from_ = X_WE_;
+    probe_since_ = in.t_ns;
+    probe_force_n_ = 0;
+    return;
+  }
   if (s.gripper_force_n < 0.5 * grip_force_n_) return;  // still closing; the phase's time limit bounds this
   held_ = true;
   X_KE_ = keyframe_pose(plan_.keyframe_value[0]).inverse() * X_WE_;
@@ -267,7 +284,10 @@ void TaskSequencer::manipulate(const TaskInput& in, Reference& ref) RT_SAFE {
   Eigen::Vector3d direction = (X_b * X_KE_).translation() - (X_a * X_KE_).translation();
   if (direction.norm() > 1e-6) out_.free_direction_W = direction.normalized();
 
-  if (s.gripper_opening_m < 2 * plan_.handle_radius_m - closed_margin_m_) return fail(Why::kSlipped, in);
+  if (s.gripper_opening_m < 2 * plan_.handle_radius_m - closed_margin_m_) {
+    regrasp_offset_m_ = -regrasp_step_m_;  // it slid out over the pads' tips
+    return fail(Why::kSlipped, in);
+  }
   const Eigen::Vector3d off_path = X_WE_.translation() - (keyframe_pose(value) * X_KE_).translation();
   if (off_path.norm() > slip_m_) return fail(Why::kSlipped, in);
   if (value > value_best_ + 0.1 * lag) {

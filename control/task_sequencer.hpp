@@ -79,7 +79,7 @@ class TaskSequencer {
 
   std::shared_ptr<const RobotModel> model_;
   Limits limits_;
-  double pre_grasp_standoff_m_, grasp_depth_m_, regrasp_back_m_, grasp_tolerance_m_, grasp_speed_mps_, retreat_distance_m_, retreat_speed_mps_;
+  double pre_grasp_standoff_m_, grasp_depth_m_, regrasp_step_m_, probe_distance_m_, probe_held_n_, grasp_tolerance_m_, grasp_speed_mps_, retreat_distance_m_, retreat_speed_mps_;
   double reach_distance_m_, base_tolerance_m_, base_tolerance_rad_, hand_tolerance_m_, hand_tolerance_rad_;
   double grip_force_n_, grip_settle_s_, closed_margin_m_, slip_m_;
   double prismatic_speed_mps_, revolute_speed_radps_, lag_max_m_, lag_max_rad_, default_fraction_, progress_timeout_s_;
@@ -91,6 +91,7 @@ class TaskSequencer {
   bool have_plan_ = false;
   TimeNs phase_start_ = 0;
   int regrasps_ = 0;
+  double regrasp_offset_m_ = 0;                                   // how much further out than planned the second try closes
   Why why_ = Why::kNothing;
   bool held_ = false;
   bool regrasp_after_retreat_ = false;
@@ -100,6 +101,10 @@ class TaskSequencer {
   Eigen::Isometry3d line_from_ = Eigen::Isometry3d::Identity();
   bool closing_ = false;
   TimeNs closing_since_ = 0;
+  bool probing_ = false;
+  Eigen::Isometry3d probe_from_ = Eigen::Isometry3d::Identity();
+  TimeNs probe_since_ = 0;
+  double probe_force_n_ = 0;
   Eigen::Isometry3d X_KE_ = Eigen::Isometry3d::Identity();        // keyframe to hand: how the handle lies in the hand
   double value_ref_ = 0, value_best_ = 0, target_ = 0;
   TimeNs progress_t_ = 0;

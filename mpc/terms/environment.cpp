@@ -1,7 +1,10 @@
 // The robot's spheres keep clear of the mapped obstacles: mu / 2 min(0, z - delta)^2 with z = d(p)
 // - radius - margin, d the distance field in W. Masked spheres may enter the unit being opened: they
 // ignore the field where a mask box explains it, that is, where the box is no further away than the
-// nearest obstacle, give or take a voxel, which is as well as the map knows where a surface is.
+// nearest obstacle, give or take a voxel's diagonal, which is as well as the map knows where a
+// surface is.
+#include <numbers>
+
 #include "mpc/terms/terms.hpp"
 
 namespace wb {
@@ -15,7 +18,7 @@ bool explained_by_a_mask(const Reference& reference, const Eigen::Vector3d& p_W,
         mask.X_WM.rotation().conjugate() * Eigen::Vector3d(p_W - mask.X_WM.position());
     const Eigen::Array3d half(mask.half_extent[0], mask.half_extent[1], mask.half_extent[2]);
     const double to_box = (p_M.array().abs() - half).max(0.0).matrix().norm();
-    if (to_box == 0.0 || to_box <= distance + voxel) return true;
+    if (to_box == 0.0 || to_box <= distance + std::numbers::sqrt3 * voxel) return true;
   }
   return false;
 }
