@@ -67,7 +67,7 @@ wb::DaemonConfig make_config(const Options& o, std::uint64_t seed) {
   std::ostringstream plugin;
   plugin << "{robot: robots/" << o.robot << ", scene: scenes/" << o.scene << ".yaml, seed: " << seed << ", spawn: random}";
   c.drivers.at(0).config = plugin.str();
-  if (o.no_environment) c.disabled_terms.push_back("environment");
+  c.blind = o.no_environment;
   return c;
 }
 
@@ -208,7 +208,7 @@ int main(int argc, char** argv) {
   app.add_option("--jobs", o.jobs, "processes")->check(CLI::Range(1, 256))->capture_default_str();
   app.add_option("--json", o.json, "write the lines to this file, too");
   app.add_option("--until", o.until)->check(CLI::IsMember({"pre-grasp", "end"}))->capture_default_str();
-  app.add_flag("--no-environment", o.no_environment, "without the MPC's environment term: what the map is worth");
+  app.add_flag("--no-environment", o.no_environment, "without the map, for route and MPC alike: what it is worth");
   app.add_option("--record", o.record, "record the run (with several: FILE.SEED each)");
   app.add_option("--pictures", o.pictures, "folder for run.csv and pictures");
   app.add_option("--config", o.config)->check(CLI::ExistingFile)->capture_default_str();

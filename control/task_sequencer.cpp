@@ -33,6 +33,8 @@ TaskSequencer::TaskSequencer(std::shared_ptr<const RobotModel> model, const conf
   base_tolerance_rad_ = section.number("base_tolerance_rad", kPositive);
   hand_tolerance_m_ = section.number("hand_tolerance_m", kPositive);
   hand_tolerance_rad_ = section.number("hand_tolerance_rad", kPositive);
+  move_tolerance_m_ = section.number("move_tolerance_m", kPositive);
+  move_tolerance_rad_ = section.number("move_tolerance_rad", kPositive);
   grip_force_n_ = section.number("grip_force_n", kPositive);
   grip_settle_s_ = section.number("grip_settle_s", kPositive);
   closed_margin_m_ = section.number("closed_margin_m", kPositive);
@@ -330,8 +332,8 @@ void TaskSequencer::move(const TaskInput& in, Reference& ref) RT_SAFE {
   if (request_.kind == RequestKind::kMoveJoints) {
     ref.joint_count = model_->joints();
     ref.posture = request_.q;
-    ref.posture_scale = 20.0;  // the only objective of this task
-    for (int i = 0; i < model_->joints(); ++i) there = there && std::abs(s.q[i] - request_.q[i]) < hand_tolerance_rad_;
+    ref.posture_scale = 300.0;  // the only objective of this task
+    for (int i = 0; i < model_->joints(); ++i) there = there && std::abs(s.q[i] - request_.q[i]) < move_tolerance_rad_;
     ref.base_count = 1;
     ref.base[0] = {in.t_ns, request_.base};
     ref.base_scale = 0.1;
@@ -339,8 +341,8 @@ void TaskSequencer::move(const TaskInput& in, Reference& ref) RT_SAFE {
     ref.base_goal_active = true;
     ref.base_goal = request_.base;
     set_posture(model_->config().stowed, 1.0, ref);
-    there = std::hypot(request_.base[0] - s.base[0], request_.base[1] - s.base[1]) < hand_tolerance_m_ &&
-            std::abs(wrap(request_.base[2] - s.base[2])) < hand_tolerance_rad_;
+    there = std::hypot(request_.base[0] - s.base[0], request_.base[1] - s.base[1]) < move_tolerance_m_ &&
+            std::abs(wrap(request_.base[2] - s.base[2])) < move_tolerance_rad_;
   }
   if (there) phase_ = Phase::kDone;
 }

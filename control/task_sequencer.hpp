@@ -81,6 +81,7 @@ class TaskSequencer {
   Limits limits_;
   double pre_grasp_standoff_m_, grasp_depth_m_, regrasp_step_m_, probe_distance_m_, probe_held_n_, grasp_tolerance_m_, grasp_speed_mps_, retreat_distance_m_, retreat_speed_mps_;
   double reach_distance_m_, base_tolerance_m_, base_tolerance_rad_, hand_tolerance_m_, hand_tolerance_rad_;
+  double move_tolerance_m_, move_tolerance_rad_;
   double grip_force_n_, grip_settle_s_, closed_margin_m_, slip_m_;
   double prismatic_speed_mps_, revolute_speed_radps_, lag_max_m_, lag_max_rad_, default_fraction_, progress_timeout_s_;
   Eigen::Isometry3d X_BE_ready_;

@@ -24,6 +24,7 @@ struct DaemonConfig {
   LoopConfig control, mpc, mapping, perception, frames;
   TimeNs command_timeout_ns = 0;
   std::vector<std::string> disabled_terms;   // of the MPC, studies only
+  bool blind = false;                 // the motion planner gets no map, studies only: what the map is worth
 
   // `plugin_folder`: where plugins without a path are looked for (the build's or /usr/lib/wholebody).
   static DaemonConfig load(const std::filesystem::path& file, const std::filesystem::path& plugin_folder);

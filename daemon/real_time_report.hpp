@@ -1,5 +1,5 @@
-// What a run cost and how punctual it was: CPU time, wake-up lateness, overruns, and the host's steal time beside them, since
-// lateness under steal says nothing about the program. Setup world.
+// What a run cost and how punctual it was: CPU time, wake-up lateness, overruns, and the host's
+// steal time beside them, since lateness under steal says nothing about the program. Setup world.
 #pragma once
 #include <cstdio>
 #include <fstream>
@@ -32,13 +32,14 @@ class RealTimeReport {
   RealTimeReport() : steal_(steal_ticks()) {}
 
   void print(const RealTime& executor) const {
-    std::fprintf(stderr, "%-12s %8s %8s %11s %11s %11s %12s %12s\n", "loop", "cycles", "skipped", "cpu p50 us", "cpu p99 us", "cpu max us",
-                 "late p99 us", "late max us");
+    std::fprintf(stderr, "%-12s %8s %8s %11s %11s %11s %12s %12s\n", "loop", "cycles", "skipped",
+                 "cpu p50 us", "cpu p99 us", "cpu max us", "late p99 us", "late max us");
     for (std::size_t i = 0; i < executor.loops(); ++i) {
       const LoopCounters& c = executor.counters(i);
-      std::fprintf(stderr, "%-12s %8lu %8lu %11.0f %11.0f %11.0f %12.0f %12.0f\n", executor.loop(i).name.c_str(), c.cycles.load(),
-                   c.overruns.load(), c.cpu.quantile_us(0.5), c.cpu.quantile_us(0.99), c.cpu.max_us(), c.late.quantile_us(0.99),
-                   c.late.max_us());
+      std::fprintf(stderr, "%-12s %8lu %8lu %11.0f %11.0f %11.0f %12.0f %12.0f\n",
+                   executor.loop(i).name.c_str(), c.cycles.load(), c.overruns.load(),
+                   c.cpu.quantile_us(0.5), c.cpu.quantile_us(0.99), c.cpu.max_us(),
+                   c.late.quantile_us(0.99), c.late.max_us());
     }
     std::fprintf(stderr, "steal: %ld ticks of 10 ms\n", steal_ticks() - steal_);
   }

@@ -1,6 +1,7 @@
 #include "daemon/recording.hpp"
 
 #include <algorithm>
+#include <charconv>
 #include <cstring>
 #include <fstream>
 #include <sstream>
@@ -110,10 +111,13 @@ RecordingReader::RecordingReader(const std::filesystem::path& file) : file_(std:
   header.build = read_line(f);
   if (header.build != build_id()) throw std::runtime_error(name + " was made by another build (" + header.build + "; this one: " + build_id() + ")");
   header.robot = read_line(f);
-  header.robot_hash = std::stoull(read_line(f));
+  const std::string hash = read_line(f);
+  const auto [end, error] = std::from_chars(hash.data(), hash.data() + hash.size(), header.robot_hash);
+  if (error != std::errc() || end != hash.data() + hash.size()) throw std::runtime_error(name + " is damaged: its header is cut off");
   std::istringstream terms(read_line(f));
   for (std::string t; terms >> t;) header.disabled_terms.push_back(t);
 
+  const auto size = static_cast<long>(std::filesystem::file_size(file));  // a seek goes beyond it without complaint
   const auto take = [&](auto& list, std::uint32_t bytes) {
     using T = typename std::remove_reference_t<decltype(list)>::value_type;
     if (bytes != sizeof(T)) throw std::runtime_error(name + " is damaged: a record has the wrong size");
@@ -137,7 +141,7 @@ RecordingReader::RecordingReader(const std::filesystem::path& file) : file_(std:
           FrameHead head;
           const long offset = std::ftell(f);
           whole = bytes >= sizeof head && std::fread(&head, sizeof head, 1, f) == 1 &&
-                  std::fseek(f, static_cast<long>(bytes - sizeof head), SEEK_CUR) == 0;
+                  std::fseek(f, static_cast<long>(bytes - sizeof head), SEEK_CUR) == 0 && std::ftell(f) <= size;
           if (whole) frames_.push_back({head.seq, offset});
           break;
         }

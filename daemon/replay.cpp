@@ -6,6 +6,7 @@
 
 #include "control/controller.hpp"
 #include "core/types/hash.hpp"
+#include "daemon/json.hpp"
 #include "daemon/recording.hpp"
 #include "planning/motion_planner.hpp"
 
@@ -146,10 +147,12 @@ int replay_main(const std::filesystem::path& file, bool json) {
     return 2;
   }
   if (json) {
-    std::printf("{\"equal\": %s, \"control_steps\": %lu, \"mpc_steps\": %lu, \"mapping_steps\": %lu, \"first_difference\": %ld, "
-                "\"state_hash\": \"%016lx\", \"problem\": \"%s\"}\n",
-                r.equal ? "true" : "false", r.control_steps, r.mpc_steps, r.mapping_steps, r.first_difference, r.state_hash,
-                r.problem.c_str());
+    char hash[24];
+    std::snprintf(hash, sizeof hash, "%016lx", r.state_hash);
+    Json out = Json::object();
+    out.add("equal", r.equal).add("control_steps", r.control_steps).add("mpc_steps", r.mpc_steps).add("mapping_steps", r.mapping_steps);
+    out.add("first_difference", r.first_difference).add("state_hash", hash).add("problem", r.problem);
+    std::printf("%s\n", out.str().c_str());
   } else {
     std::printf("%lu control, %lu MPC and %lu mapping steps, state hash %016lx: ", r.control_steps, r.mpc_steps, r.mapping_steps,
                 r.state_hash);

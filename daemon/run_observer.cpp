@@ -10,6 +10,21 @@ double RunObserver::threshold(const std::string& object) {
   return 0.65;
 }
 
+namespace {
+
+// Where to look at a grasp from: along the bar, from the right of who faces the front, a little out and above.
+Eigen::Isometry3d close_up(const Eigen::Isometry3d& X_SG) {
+  const Eigen::Vector3d into = X_SG.linear().col(2), right = into.cross(Eigen::Vector3d::UnitZ());
+  const Eigen::Vector3d from = -0.15 * into + 0.42 * right + 0.12 * Eigen::Vector3d::UnitZ();
+  Eigen::Isometry3d X_SC;
+  const Eigen::Vector3d z = -from.normalized(), x = z.cross(Eigen::Vector3d::UnitZ()).normalized();
+  X_SC.linear() << x, z.cross(x), z;
+  X_SC.translation() = X_SG.translation() + from;
+  return X_SC;
+}
+
+}  // namespace
+
 RunObserver::RunObserver(System& system, const std::string& object, double threshold_fraction)
     : system_(system),
       truth_(static_cast<const wb_sim_truth*>(system.host().extension(WB_SIM_TRUTH, &driver_))),
@@ -37,11 +52,12 @@ void RunObserver::write_to(const std::filesystem::path& folder) {
   picture("start");
 }
 
-void RunObserver::picture(const std::string& name) const {
+void RunObserver::picture(const std::string& name, const Eigen::Isometry3d* X_SC) const {
   if (!view_ || folder_.empty()) return;
   constexpr int kWidth = 960, kHeight = 720;
   std::vector<std::uint8_t> rgb(3 * kWidth * kHeight);
-  if (view_->render(driver_, kWidth, kHeight, nullptr, 0.0, rgb.data()) != WB_OK) return;
+  const wb_sim_pose pose = X_SC ? sim_pose(*X_SC) : wb_sim_pose{};
+  if (view_->render(driver_, kWidth, kHeight, X_SC ? &pose : nullptr, 0.0, rgb.data()) != WB_OK) return;
   if (std::FILE* f = std::fopen((folder_ / (name + ".ppm")).c_str(), "wb")) {
     std::fprintf(f, "P6 %d %d 255\n", kWidth, kHeight);
     std::fwrite(rgb.data(), 1, rgb.size(), f);
@@ -57,6 +73,7 @@ void RunObserver::sample(TimeNs t) {
   RunResult& r = result_;
   r.opened_value = o.value;
   r.range = o.range;
+  r.revolute = o.is_revolute;
   r.opened_fraction = std::max(r.opened_fraction, o.value / o.range);
   if (!r.opened && o.value >= threshold_ * o.range) {
     r.opened = true;
@@ -79,6 +96,8 @@ void RunObserver::sample(TimeNs t) {
         X_GE_grasp_ = X_GE;
         grasped_ = true;
         picture("grasp");
+        const Eigen::Isometry3d X_SC = close_up(isometry(o.X_SG));
+        picture("hand", &X_SC);
       }
       r.slip_m = std::max(r.slip_m, (X_GE.translation() - X_GE_grasp_.translation()).norm());
     }

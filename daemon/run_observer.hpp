@@ -13,6 +13,7 @@ struct RunResult {
   bool opened = false;                // reached the threshold
   double time_s = 0;                  // from the accepted command to the threshold
   double opened_value = 0, range = 0; // at the end, m or rad
+  bool revolute = false;              // rad
   double opened_fraction = 0;         // largest so far, of the range
   double ee_path_m = 0;
   double min_clearance_m = 1e9;
@@ -31,9 +32,10 @@ class RunObserver {
   void sample(TimeNs t);                        // call after each instant; measures every 10 ms, clearance every 100 ms
   const RunResult& result() const { return result_; }
 
-  // Also writes folder/run.csv and pictures by the scene's view camera at start, grasp and end.
+  // Also writes folder/run.csv and pictures at start, grasp (and the hand close up) and end.
   void write_to(const std::filesystem::path& folder);
-  void picture(const std::string& name) const;  // folder/name.ppm
+  // folder/name.ppm: by the scene's view camera, or by one at X_SC (optical frame).
+  void picture(const std::string& name, const Eigen::Isometry3d* X_SC = nullptr) const;
   void finish();                                // last picture; closes the csv
 
   // 65 % drawers, 60 % ovens, 75 % washing machines, 65 % others (Mittal et al. 2022, Sec. V).

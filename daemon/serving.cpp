@@ -2,7 +2,12 @@
 
 namespace wb {
 
-Serving::Serving(System& system, bool truth) : system_(system) {
+Serving::Serving(System& system, bool truth, std::function<TimeNs()> clock,
+                 std::function<void(ServiceSnapshot&)> add_loops)
+    : system_(system), truth_(truth), add_loops_(std::move(add_loops)) {
+  if (truth && !system.truth()) {
+    throw config::ConfigError("--truth needs a simulated plant and interpreter: oracle");
+  }
   ServiceOptions options;
   options.domain = domain_from_environment();
   const RobotModel& model = system.model();
@@ -13,10 +18,7 @@ Serving::Serving(System& system, bool truth) : system_(system) {
   options.rules.objects = system.object_names();
   options.truth = truth;
   ServicePorts ports;
-  ports.clock = [this] {
-    const std::lock_guard lock(mutex_);
-    return clock_ ? clock_() : virtual_now_.load();
-  };
+  ports.clock = std::move(clock);
   ports.submit = [this](const Request& r) {
     const bool accepted = system_.submit(r);
     if (accepted) started_ = true;
@@ -27,23 +29,28 @@ Serving::Serving(System& system, bool truth) : system_(system) {
   service_ = std::make_unique<Service>(std::move(options), std::move(ports));
 }
 
-void Serving::use_clock(std::function<TimeNs()> clock) {
-  const std::lock_guard lock(mutex_);
-  clock_ = std::move(clock);
-}
-
-void Serving::show_counters(std::function<void(ServiceSnapshot&)> add) {
-  const std::lock_guard lock(mutex_);
-  add_ = std::move(add);
-}
-
 const ServiceSnapshot* Serving::newest() {
   const ServiceSnapshot* s = system_.arrows().snapshot.read();
   if (!s) return nullptr;
   shown_ = *s;
-  const std::lock_guard lock(mutex_);
-  if (add_) add_(shown_);
+  show_plan();
+  add_loops_(shown_);
+  if (truth_) system_.truth()->show(shown_);
   return &shown_;
+}
+
+void Serving::show_plan() {
+  const Policy* policy = system_.arrows().policy.read(1);
+  shown_.plan_count = 0;
+  if (!policy || shown_.state.mode != Mode::kActive) return;  // an old plan is nobody's any more
+  const RobotModel& model = system_.model();
+  RobotModel::Data data;
+  for (int i = 0; i < policy->nodes; ++i) {
+    model.forward_kinematics(policy->x(i).data(), data);
+    shown_.plan_t_ns[i] = policy->t[i];
+    shown_.plan[i] = Pose::from(model.X_WF(model.end_effector(), data));
+  }
+  shown_.plan_count = policy->nodes;
 }
 
 }  // namespace wb

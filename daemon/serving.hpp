@@ -1,9 +1,9 @@
-// Joins the DDS service to the system's arrows. Ordinary threads.
+// Joins the DDS service to the system's arrows, and adds what only this edge needs: the plan as
+// hand poses, loops, truth. Ordinary threads: the service's, except where noted.
 #pragma once
 #include <atomic>
 #include <functional>
 #include <memory>
-#include <mutex>
 
 #include "daemon/service/service.hpp"
 #include "daemon/system.hpp"
@@ -12,25 +12,24 @@ namespace wb {
 
 class Serving {
  public:
-  // Starts the service. virtual_clock: the time is what set_time() says.
-  Serving(System& system, bool truth);
+  // Starts the service. `clock` is the daemon's time and must tell it from now on: the offset to
+  // ROS time is taken here. `add_loops` adds the executor's counters to a snapshot. The service's
+  // thread calls both until this object is gone. Throws config::ConfigError.
+  Serving(System& system, bool truth, std::function<TimeNs()> clock,
+          std::function<void(ServiceSnapshot&)> add_loops);
 
-  bool started() const { return started_; }                     // a request has been accepted
-  void set_time(TimeNs t) { virtual_now_ = t; }                 // Lockstep
-  void use_clock(std::function<TimeNs()> clock);                // RealTime
-  void show_counters(std::function<void(ServiceSnapshot&)> add);
+  bool started() const { return started_; }  // a request has been accepted; any thread
 
  private:
   const ServiceSnapshot* newest();
+  void show_plan();  // hand poses over the newest policy's horizon
 
   System& system_;
-  std::mutex mutex_;                                            // guards the two functions; service thread and main only
-  std::function<TimeNs()> clock_;
-  std::function<void(ServiceSnapshot&)> add_;
+  const bool truth_;
+  const std::function<void(ServiceSnapshot&)> add_loops_;
   ServiceSnapshot shown_;
   std::atomic<bool> started_{false};
-  std::atomic<TimeNs> virtual_now_{0};
-  std::unique_ptr<Service> service_;
+  std::unique_ptr<Service> service_;  // last: its thread uses all of the above
 };
 
 }  // namespace wb

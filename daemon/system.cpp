@@ -98,19 +98,33 @@ void System::control_step(TimeNs now) {
   arrows_.states_to_perception.push(state_);
   for (int i = 0; i < out.status_count; ++i) {
     arrows_.statuses.push(out.statuses[i]);
-    newest_status_ = out.statuses[i];
+    follow(out.statuses[i]);
   }
   hash_.add(state_);
   hash_.add(out.command);
   record.state_hash = hash_.value();
   if (recording_) arrows_.control_records.push(record);
-  fill_snapshot(out);
+  fill_snapshot();
 }
 
-void System::fill_snapshot(const ControlOutput& out) {
+// Who asked for what: a status carries its request's number only.
+void System::follow(const RequestStatus& status) {
+  newest_status_ = status;
+  if (status.id == opening_.status.id) {
+    opening_.status = status;
+  } else if (status.outcome == RequestOutcome::kAccepted) {
+    for (int i = 0; i < control_record_.request_count; ++i) {
+      const Request& r = control_record_.requests[i];
+      if (r.id == status.id && r.kind == RequestKind::kOpen) opening_ = {r.object, status};
+    }
+  }
+}
+
+void System::fill_snapshot() {
   ServiceSnapshot& s = arrows_.snapshot.writing();
   s.state = state_;
   s.request = newest_status_;
+  s.object = newest_status_.id == opening_.status.id ? opening_.object : Name();
   s.counter_count = 0;
   const auto count = [&](const char* name, std::uint64_t n) { s.counters[s.counter_count++] = {Name(name), n}; };
   const ControlCounters& c = controller_.counters();
@@ -135,7 +149,7 @@ void System::mpc_step(TimeNs now) {
     following_ = false;
     return;
   }
-  const DistanceField* field = arrows_.field.read();
+  const DistanceField* field = config_.blind ? nullptr : arrows_.field.read();
   MpcRecord& r = mpc_record_;
   r.t_ns = now;
   r.state_seq = state->seq;

@@ -33,6 +33,7 @@ class System {
   void record_steps() { recording_ = true; }
 
   std::set<std::string> object_names() const;    // what `open` may name
+  TruthTap* truth() { return truth_.get(); }     // null without the oracle
 
   Arrows& arrows() { return arrows_; }
   DriverHost& host() { return host_; }
@@ -48,6 +49,11 @@ class System {
   const MapReport& map_report() const { return mapping_record_.report; }
   const Policy& newest_policy() const { return last_policy_; }
   const ControlCounters& control_counters() const { return controller_.counters(); }
+  struct Opening {
+    Name object;
+    RequestStatus status;                        // id 0: there was none
+  };
+  const Opening& opening() const { return opening_; }   // the `open` that was accepted last
 
  private:
   void control_step(TimeNs now);
@@ -58,7 +64,8 @@ class System {
   void mapping_deliver();
   void perception_step(TimeNs now);
   void perception_deliver();
-  void fill_snapshot(const ControlOutput& out);
+  void follow(const RequestStatus& status);
+  void fill_snapshot();
   std::unique_ptr<SceneInterpreter> make_interpreter();
 
   DaemonConfig config_;
@@ -80,6 +87,7 @@ class System {
   ControlRecord control_record_;
   StateHash hash_;
   RequestStatus newest_status_;
+  Opening opening_;
   // mpc
   MpcRecord mpc_record_;
   bool mpc_pending_ = false, following_ = false;

@@ -1,5 +1,6 @@
 #include "daemon/truth_tap.hpp"
 
+#include <cstdio>
 #include <stdexcept>
 
 namespace wb {
@@ -52,17 +53,49 @@ void TruthTap::sample(TimeNs t) RT_SAFE {
     out.masks = {mask(o.carcass), mask(o.moving)};
     out.X_SC = X_SC;
   }
+  const std::uint32_t touches = truth_->contact_count(driver_);
+  s.contact_count = 0;
+  wb_sim_contact c;
+  for (std::uint32_t i = 0; i < touches && s.contact_count < static_cast<int>(s.contacts.size()); ++i) {
+    if (truth_->contact(driver_, i, &c) == WB_OK) s.contacts[s.contact_count++] = {Name(c.robot_geom), Name(c.other_geom)};
+  }
   samples_.publish();
 }
 
 bool TruthTap::find(const Name& object, ObjectTruth& truth) {
-  const Sample* s = samples_.read();
+  const Sample* s = samples_.read(0);
   for (int i = 0; s && i < s->count; ++i) {
     if (!(s->names[i] == object)) continue;
     truth = s->objects[i];
     return true;
   }
   return false;
+}
+
+void TruthTap::show(ServiceSnapshot& out) {
+  const Sample* s = samples_.read(1);
+  if (!s) return;
+  out.truth_joint_count = s->count;
+  for (int i = 0; i < s->count; ++i) out.truth_joints[i] = {s->names[i], s->objects[i].articulation.value};
+  out.truth_contact_count = s->contact_count;
+  out.truth_contacts = s->contacts;
+}
+
+std::string TruthTap::summary() const {
+  constexpr double kOpenFraction = 0.01;   // a shut door rattles by less
+  std::string text;
+  char part[128];
+  wb_sim_object o;
+  for (std::uint32_t i = 0; i < truth_->object_count(driver_); ++i) {
+    if (truth_->object(driver_, i, &o) != WB_OK || o.value < kOpenFraction * o.range) continue;
+    std::snprintf(part, sizeof part, "%s at %.3f of %.3f %s, ", o.name, o.value, o.range, o.is_revolute ? "rad" : "m");
+    text += part;
+  }
+  const std::uint32_t touches = truth_->contact_count(driver_);
+  text += std::to_string(touches) + (touches == 1 ? " collision" : " collisions");
+  wb_sim_contact c;
+  if (touches && truth_->contact(driver_, 0, &c) == WB_OK) text += std::string(" (first: ") + c.robot_geom + " against " + c.other_geom + ")";
+  return text;
 }
 
 std::set<std::string> TruthTap::object_names() const {

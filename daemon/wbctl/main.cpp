@@ -1,5 +1,6 @@
-// wbctl: the daemon's command client. World: one ordinary thread, DDS only through Client.
-// Exit code: 0 done, 1 refused or failed (or wrong usage), 2 no daemon or no answer in time.
+// wbctl: the daemon's command client. World: one ordinary thread, DDS only through Client; `replay`
+// needs neither. Exit code: 0 done, 1 refused or failed (or wrong usage, or a replay that differs),
+// 2 no daemon, no answer in time, or a file that cannot be replayed.
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <csignal>
@@ -8,8 +9,9 @@
 #include <string>
 
 #include "core/config/config.hpp"
+#include "daemon/json.hpp"
+#include "daemon/replay.hpp"
 #include "daemon/service/client.hpp"
-#include "daemon/wbctl/json.hpp"
 #include "daemon/wbctl/progress.hpp"
 
 namespace wb {
@@ -23,6 +25,7 @@ struct Arguments {
   std::optional<int> domain;
   std::string object;
   double fraction = 0;
+  std::string recording;
 };
 
 using SteadyClock = std::chrono::steady_clock;
@@ -176,6 +179,7 @@ int run_status(const Arguments& arguments, Client& client) {
 }
 
 int run(const std::string& verb, const Arguments& arguments) {
+  if (verb == "replay") return replay_main(arguments.recording, arguments.json);
   const int domain = arguments.domain.value_or(domain_from_environment());
   Client client(domain, "wbctl");
   if (!client.wait_for_daemon(arguments.timeout_s)) {
@@ -212,6 +216,9 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.0, 1.0));
   app.add_subcommand("stop", "stop what the robot is doing and stand still");
   app.add_subcommand("reset", "leave hold or settle");
+  app.add_subcommand("replay", "run a recording's steps again and compare; needs no daemon")
+      ->add_option("file", arguments.recording, "made by wholebodyd --record")
+      ->required();
   try {
     app.parse(argc, argv);
     return wb::run(app.get_subcommands().front()->get_name(), arguments);

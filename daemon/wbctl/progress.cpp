@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdio>
 
 namespace wb {
@@ -17,8 +18,9 @@ void Progress::show(const OperatorAck& ack, double elapsed_s) {
   const std::string& what = ack.phase == "none" ? ack.outcome : ack.phase;
   std::printf("%s%6.1f s  %-10s", terminal_ ? "\r\033[K" : "", elapsed_s, what.c_str());
   if (ack.joint_range > 0) {
-    std::printf("  joint at %.3f of %.3f (%.0f %%)", ack.joint_value, ack.joint_range,
-                100 * ack.joint_value / ack.joint_range);
+    const double value = std::abs(ack.joint_value) < 5e-4 ? 0.0 : ack.joint_value;  // no "-0.000"
+    std::printf("  joint at %.3f of %.3f (%.0f %%)", value, ack.joint_range,
+                100 * value / ack.joint_range);
   }
   if (!terminal_) std::printf("\n");
   line_open_ = terminal_;

@@ -18,6 +18,8 @@ class Json {
   Json& add(std::string_view key, double number) { return member(key, format(number)); }
   Json& add(std::string_view key, std::uint64_t n) { return member(key, std::to_string(n)); }
   Json& add(std::string_view key, std::int64_t n) { return member(key, std::to_string(n)); }
+  Json& add(std::string_view key, bool yes) { return member(key, yes ? "true" : "false"); }
+  Json& add(std::string_view key, int n) { return member(key, std::to_string(n)); }
   Json& add(std::string_view key, const Json& value) { return member(key, value.str()); }
   // Items of an array.
   Json& push(double number) { return item(format(number)); }

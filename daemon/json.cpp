@@ -1,4 +1,4 @@
-#include "daemon/wbctl/json.hpp"
+#include "daemon/json.hpp"
 
 #include <array>
 #include <charconv>
