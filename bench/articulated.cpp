@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "bench/equivalent_time.hpp"
+#include "bench/scene_noise.hpp"
 #include "core/rt/executor.hpp"
 #include "daemon/recording.hpp"
 #include "daemon/run_observer.hpp"
@@ -38,7 +39,6 @@ struct Line {
   std::uint64_t state_hash = 0;
   double cpu_us = 0;
   double mpc_p99_ms = 0, mapping_p99_ms = 0;   // equivalent
-  std::string error;
 
   std::string json() const {
     std::ostringstream out;
@@ -292,7 +292,8 @@ int main(int argc, char** argv) {
   }
   summary << ", \"collided_runs\": " << collided << ", \"collided_successes\": " << collided_successes << ", \"max_slip_m\": " << slip
           << ", \"mpc_p99_ms\": " << mpc_p99 << ", \"mpc_declared_ms\": " << mpc_declared << ", \"mapping_p99_ms\": " << mapping_p99
-          << ", \"mapping_declared_ms\": " << mapping_declared << ", \"latencies_hold\": " << (latencies_hold ? "true" : "false") << "}";
+          << ", \"mapping_declared_ms\": " << mapping_declared << ", \"latencies_hold\": " << (latencies_hold ? "true" : "false") << ", \"noise\": "
+          << wb::bench::scene_noise_json(std::filesystem::path(o.config).parent_path() / "scenes" / (o.scene + ".yaml")) << "}";
   std::printf("%s\n", summary.str().c_str());
   if (file) file << summary.str() << "\n";
   if (!latencies_hold) std::fprintf(stderr, "the declared latencies are below the measured p99: the study does not count\n");

@@ -1,5 +1,6 @@
-// A bench's figures: the array of {"name", "value", "unit", "bound", "better"} that --json asks for, and the same as a table.
-// Setup world. Units are the figure's own; times are equivalent times (DEFINITIONS.md) unless the unit says otherwise.
+// A bench's figures: the array of {"name", "value", "unit", "bound", "better"} that --json asks
+// for, and the same as a table. Setup world. Units are the figure's own; times are equivalent times
+// (DEFINITIONS.md) unless the unit says otherwise.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -23,7 +24,9 @@ struct Figure {
   Better better = Better::kLower;
 
   // A value that is not a number keeps no bound.
-  bool holds() const { return !bound || (better == Better::kLower ? value <= *bound : value >= *bound); }
+  bool holds() const {
+    return !bound || (better == Better::kLower ? value <= *bound : value >= *bound);
+  }
 };
 
 inline bool all_hold(const std::vector<Figure>& figures) {
@@ -41,9 +44,9 @@ inline void write_json(const std::vector<Figure>& figures, const std::string& fi
   out << "[";
   for (std::size_t i = 0; i < figures.size(); ++i) {
     const Figure& f = figures[i];
-    out << (i ? ",\n " : "\n ") << "{\"name\": \"" << f.name << "\", \"value\": " << number(f.value) << ", \"unit\": \"" << f.unit
-        << "\", \"bound\": " << (f.bound ? number(*f.bound) : "null") << ", \"better\": \"" << (f.better == Better::kLower ? "lower" : "higher")
-        << "\"}";
+    out << (i ? ",\n " : "\n ") << "{\"name\": \"" << f.name << "\", \"value\": " << number(f.value)
+        << ", \"unit\": \"" << f.unit << "\", \"bound\": " << (f.bound ? number(*f.bound) : "null")
+        << ", \"better\": \"" << (f.better == Better::kLower ? "lower" : "higher") << "\"}";
   }
   out << "\n]\n";
   out.close();
@@ -54,8 +57,11 @@ inline void print_table(const std::vector<Figure>& figures) {
   std::printf("%-28s %10s %-8s %10s\n", "figure", "value", "unit", "bound");
   for (const Figure& f : figures) {
     char bound[32] = "-";
-    if (f.bound) std::snprintf(bound, sizeof bound, "%s %.4g", f.better == Better::kLower ? "<=" : ">=", *f.bound);
-    std::printf("%-28s %10.4g %-8s %10s%s\n", f.name.c_str(), f.value, f.unit.c_str(), bound, f.holds() ? "" : "  BROKEN");
+    if (f.bound)
+      std::snprintf(bound, sizeof bound, "%s %.4g",
+                    f.better == Better::kLower ? "<=" : ">=", *f.bound);
+    std::printf("%-28s %10.4g %-8s %10s%s\n", f.name.c_str(), f.value, f.unit.c_str(), bound,
+                f.holds() ? "" : "  BROKEN");
   }
 }
 

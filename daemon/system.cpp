@@ -165,7 +165,6 @@ void System::mpc_step(TimeNs now) {
 
 void System::mpc_deliver() {
   if (!mpc_pending_) return;
-  last_policy_ = arrows_.policy.writing();
   mpc_record_.policy_seq = arrows_.policy.publish();
   if (recording_) arrows_.mpc_records.push(mpc_record_);
 }

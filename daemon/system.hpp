@@ -45,9 +45,9 @@ class System {
   const RobotState& state() const { return state_; }
   const Reference& reference() const { return reference_; }
   const OptimalControlProblem& problem() const { return planner_.problem(); }
+  const MpcRecord& mpc_record() const { return mpc_record_; }
   const SolveReport& solve_report() const { return mpc_record_.report; }
   const MapReport& map_report() const { return mapping_record_.report; }
-  const Policy& newest_policy() const { return last_policy_; }
   const ControlCounters& control_counters() const { return controller_.counters(); }
   struct Opening {
     Name object;
@@ -100,7 +100,6 @@ class System {
   // perception
   RobotState perceived_state_;
   bool have_perceived_state_ = false, plan_pending_ = false;
-  Policy last_policy_;
 };
 
 }  // namespace wb

@@ -213,9 +213,9 @@ void BaseRoute::follow(TimeNs t0, std::array<double, 3> pose, std::array<double,
       const double facing = std::max(0.0, std::cos(std::min(1.5 * std::abs(bearing), M_PI / 2)));
       v_wish = sign * std::min(v_max * facing, std::sqrt(2 * a_max * std::max(0.0, left - 0.02)));
     } else {
-      // What lies ahead or behind is made good on the way; what lies aside stays.
+      // What lies ahead or behind is made good during the turn; what lies aside stays.
       const double along = (goal - p).dot(Eigen::Vector2d(std::cos(pose[2]), std::sin(pose[2])));
-      v_wish = std::copysign(std::min(std::sqrt(2 * a_max * std::abs(along)), 2.0 * std::abs(along)), along);
+      v_wish = std::copysign(std::min(std::sqrt(2 * a_max * std::abs(along)), 4.0 * std::abs(along)), along);
       const double turn = wrap(ref.base_goal[2] - pose[2]);
       w_wish = std::copysign(std::min(w_max, std::sqrt(2 * b_max * std::abs(turn))), turn);
       if (std::abs(turn) < 0.01) w_wish = turn;

@@ -33,14 +33,14 @@ void MotionPlanner::guess_from_route(const std::array<double, kMaxStates>& x0) R
 SolveStatus MotionPlanner::step(const RobotState& state, const Reference& reference, const DistanceField* field, Policy& policy,
                                 SolveReport& report) RT_SAFE {
   reference_ = reference;
-  if (reference_.base_goal_active) route_.plan(state.t_ns, state.base, state.base_velocity, field, reference_);
+  if (model_->base_dof() == 3 && reference_.base_goal_active) route_.plan(state.t_ns, state.base, state.base_velocity, field, reference_);
   // The arm's part of x0 is where the servos' set-points stand: the policy moves set-points, and the servo follows them.
   std::array<double, kMaxStates> x0{};
   const int base = model_->base_dof();
   for (int i = 0; i < base; ++i) x0[i] = state.base[i];
   for (int i = 0; i < model_->joints(); ++i) x0[base + i] = state.q_command[i];
   // Following the route is a warm start, too: the solver takes it when its own has strayed into a worse valley.
-  const bool routed = reference_.base_goal_active && reference_.base_count > 1;
+  const bool routed = model_->base_dof() == 3 && reference_.base_goal_active && reference_.base_count > 1;
   if (routed) guess_from_route(x0);
   const SolveStatus status =
       solver_.solve({state.t_ns, x0.data(), &reference_, field, routed ? &guess_ : nullptr}, policy, report);

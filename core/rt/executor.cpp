@@ -27,6 +27,9 @@ TimeNs timed(LoopCounters& s, F&& f) {
   return spent;
 }
 
+// Until the first releases are counted from: long enough for every thread to be there with its priority.
+constexpr TimeNs kGather_ns = 20'000'000;
+
 }  // namespace
 
 TimeNs release_time(std::uint64_t k, double rate_hz) {
@@ -79,7 +82,7 @@ void RealTime::add(Loop loop) {
 
 std::vector<std::string> RealTime::start() {
   stop_ = false;
-  const TimeNs start = monotonic();
+  const TimeNs start = monotonic() + kGather_ns;
   std::vector<std::string> refused;
   for (auto& e : entries_) {
     e->thread = std::thread([this, entry = e.get(), start] { run(*entry, start); });

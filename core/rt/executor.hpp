@@ -47,7 +47,7 @@ class RealTime {
   explicit RealTime(TimeNs epoch = 0) : epoch_(epoch) {}
   ~RealTime();
   void add(Loop loop);
-  // Starts the threads; their first releases stand one period ahead. Returns the names of loops that did not get their priority.
+  // Starts the threads; their first releases stand a period after they have all been started. Returns the names of loops that did not get their priority.
   std::vector<std::string> start();
   void stop();                                 // waits for the threads to end their present cycle
   static TimeNs monotonic();                   // CLOCK_MONOTONIC

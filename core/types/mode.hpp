@@ -10,7 +10,7 @@ enum class Mode : std::uint8_t {
   kReady,   // drives active, standing still, waits for a command
   kActive,  // carries out a command
   kHold,    // trouble: stands still, keeps the grasp; leaves by reset
-  kSettle,  // trouble: base braked, joints damped; leaves by reset
+  kSettle,  // trouble: base braked at once, joints slowed down and held; leaves by reset
 };
 
 constexpr std::string_view to_string(Mode m) {

@@ -14,7 +14,7 @@ std::uint64_t hash_of_run(std::uint64_t seed) {
   run.reset();
   run.open("drawer_1");
   run.run_for(1.5);
-  EXPECT_GT(run.system().newest_policy().field_seq, 0u);
+  EXPECT_GT(run.system().mpc_record().field_seq, 0u);
   EXPECT_EQ(run.mode(), Mode::kActive);
   return run.system().state_hash();
 }

@@ -1,4 +1,5 @@
-// The layer's fact: drawer_1 opens, from the command to the retreat; and the recording of such a run replays.
+// The layer's fact: drawer_1 opens, from the command to the retreat; and the recording of such a
+// run replays.
 #include <gtest/gtest.h>
 
 #include "daemon/replay.hpp"
@@ -38,7 +39,8 @@ TEST(Drawer, RecordingOfItsOpeningReplaysBitForBit) {
   const std::uint64_t control = run.system().state().seq, hash = run.system().state_hash();
 
   const ReplayResult result = replay(file.path());
-  EXPECT_TRUE(result.equal) << result.problem << ", first difference at " << result.first_difference;
+  EXPECT_TRUE(result.equal) << result.problem << ", first difference at "
+                            << result.first_difference;
   EXPECT_EQ(result.control_steps, control);
   EXPECT_EQ(result.state_hash, hash);
   const RecordingReader in(file.path());

@@ -1,4 +1,5 @@
-// Milestone A: the arm reaches a posture and holds it, the base drives and turns, by the simulator's truth.
+// Milestone A: the arm reaches a posture and holds it, the base drives and turns, by the
+// simulator's truth.
 #include <gtest/gtest.h>
 
 #include <numbers>

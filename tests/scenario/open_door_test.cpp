@@ -1,5 +1,6 @@
-// The forearm avoids a neighbour's open door: the upper door of a fridge beside drawer_1, hinged on the drawer's side, stands open so
-// that it leans over the way of the arm. What the environment term is worth there.
+// The forearm avoids a neighbour's open door: the upper door of a fridge beside drawer_1, hinged on
+// the drawer's side, stands open so that it leans over the way of the arm. What the environment
+// term is worth there.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -16,7 +17,8 @@ using test::SimulatedRun;
 constexpr double kDoor_rad = 1.6;  // 2 degrees beyond square to the front
 constexpr std::uint64_t kSeeds[] = {2000, 2001, 2002};
 
-// The kitchen, its fridge with a door from 0.9 m upwards (drawer_1 ends at 0.85 m) that is hinged on the right.
+// The kitchen, its fridge with a door from 0.9 m upwards (drawer_1 ends at 0.85 m) that is hinged
+// on the right.
 class Kitchen {
  public:
   Kitchen() {
@@ -25,8 +27,7 @@ class Kitchen {
     const std::string door = "name: fridge_1\n        hinge: left\n        bottom_m: 0.07\n";
     const std::size_t at = text.find(door);
     if (at == std::string::npos) throw std::runtime_error("the kitchen's fridge has changed");
-    text.replace(at, door.size(),
-                 "name: fridge_1\n        hinge: right\n        bottom_m: 0.9\n");
+    text.replace(at, door.size(), "name: fridge_1\n        hinge: right\n        bottom_m: 0.9\n");
     std::ofstream(file_) << text;
   }
   ~Kitchen() { std::filesystem::remove(file_); }
@@ -48,9 +49,9 @@ Outcome open_drawer(std::uint64_t seed, const std::vector<std::string>& disabled
   const Kitchen kitchen;
   // From here the base's cameras see the door, which they do not from right below it.
   SimulatedRun run({.seed = seed,
-           .spawn = "{x_m: -0.9, y_m: 0.2, yaw_rad: 0.3}",
-           .scene = kitchen.file(),
-           .disabled_terms = disabled_terms});
+                    .spawn = "{x_m: -0.9, y_m: 0.2, yaw_rad: 0.3}",
+                    .scene = kitchen.file(),
+                    .disabled_terms = disabled_terms});
   run.fault().set_object(run.driver(), run.object_index("fridge_1"), kDoor_rad);
   run.reset();
   const std::uint64_t id = run.open("drawer_1");

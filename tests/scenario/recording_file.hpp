@@ -1,4 +1,5 @@
-// A recording on disk as a test handles it: a temporary file whose bytes may be changed. Layout: daemon/recording.cpp.
+// A recording on disk as a test handles it: a temporary file whose bytes may be changed. Layout:
+// daemon/recording.cpp.
 #pragma once
 #include <unistd.h>
 
@@ -34,14 +35,16 @@ class RecordingFile {
       std::filesystem::temp_directory_path() / ("wb_recording_" + std::to_string(getpid()));
 };
 
-// Where the header's line `line` (0: magic, 1: build, 2: robot, 3: hash of its files, 4: terms) begins; 5: the first record.
+// Where the header's line `line` (0: magic, 1: build, 2: robot, 3: hash of its files, 4: terms)
+// begins; 5: the first record.
 inline std::size_t line_start(const std::string& bytes, int line) {
   std::size_t at = 0;
   for (int i = 0; i < line; ++i) at = bytes.find('\n', at) + 1;
   return at;
 }
 
-// Where the data of the index-th record of a type begin. Throws std::runtime_error if there are fewer.
+// Where the data of the index-th record of a type begin. Throws std::runtime_error if there are
+// fewer.
 inline std::size_t record_start(const std::string& bytes, RecordType type, std::size_t index) {
   std::size_t at = line_start(bytes, 5);
   while (at + 5 <= bytes.size()) {

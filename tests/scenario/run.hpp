@@ -1,5 +1,6 @@
-// One simulated run in lockstep, wired as wholebodyd does it, with the simulator's truth and faults at hand and loops that can be
-// made to hang. The test's thread is every loop's. Frames: S simulated world, W odometry. SI.
+// One simulated run in lockstep, wired as wholebodyd does it, with the simulator's truth and faults
+// at hand and loops that can be made to hang. The test's thread is every loop's. Frames: S
+// simulated world, W odometry. SI.
 #pragma once
 #include <gtest/gtest.h>
 
@@ -16,7 +17,7 @@ namespace wb::test {
 
 struct RunOptions {
   std::uint64_t seed = 1;
-  std::string spawn = "random";  // or {x_m, y_m, yaw_rad}
+  std::string spawn = "random";                    // or {x_m, y_m, yaw_rad}
   std::string scene = "scenes/kitchen_line.yaml";  // in config/, or absolute
   std::vector<std::string> disabled_terms = {};
 };
@@ -25,8 +26,8 @@ inline DaemonConfig run_config(const RunOptions& o) {
   DaemonConfig c =
       DaemonConfig::load(WB_SOURCE_DIR "/config/wholebodyd.yaml", WB_BUILD_DIR "/drivers");
   c.seed = o.seed;
-  c.drivers.at(0).config = "{robot: robots/mabi_mobile, scene: " + o.scene + ", seed: " +
-                           std::to_string(o.seed) + ", spawn: " + o.spawn + "}";
+  c.drivers.at(0).config = "{robot: robots/mabi_mobile, scene: " + o.scene +
+                           ", seed: " + std::to_string(o.seed) + ", spawn: " + o.spawn + "}";
   c.disabled_terms = o.disabled_terms;
   return c;
 }
@@ -49,8 +50,7 @@ inline Displacement between(const Posture& a, const Posture& b) {
   Displacement d{(b.X_SB.translation() - a.X_SB.translation()).norm(),
                  turn(a.X_SB.linear().transpose() * b.X_SB.linear()), 0};
   for (std::size_t i = 0; i < a.R_parent_link.size(); ++i) {
-    d.joint_rad =
-        std::max(d.joint_rad, turn(a.R_parent_link[i].transpose() * b.R_parent_link[i]));
+    d.joint_rad = std::max(d.joint_rad, turn(a.R_parent_link[i].transpose() * b.R_parent_link[i]));
   }
   return d;
 }
@@ -184,8 +184,8 @@ class SimulatedRun {
     EXPECT_EQ(truth_->object(driver_, object_index(name), &o), WB_OK);
     return o;
   }
-  // Distance of the arm's collision spheres (which cover its solids within 25 mm) from the box about an object's moving part; negative
-  // inside.
+  // Distance of the arm's collision spheres (which cover its solids within 25 mm) from the box
+  // about an object's moving part; negative inside.
   double arm_clearance(const std::string& name) const {
     const wb_sim_object o = object(name);
     const Eigen::Isometry3d X_MS = isometry(o.moving.X_SM).inverse();
@@ -195,7 +195,8 @@ class SimulatedRun {
       if (s.link == system_.model().config().base.link) continue;
       const Eigen::Vector3d p_M = X_MS * (link_pose(s.link.c_str()) * s.centre);
       const Eigen::Array3d beyond = p_M.array().abs() - half;
-      const double distance = beyond.maxCoeff() < 0 ? beyond.maxCoeff() : beyond.max(0.0).matrix().norm();
+      const double distance =
+          beyond.maxCoeff() < 0 ? beyond.maxCoeff() : beyond.max(0.0).matrix().norm();
       least = std::min(least, distance - s.radius);
     }
     return least;
