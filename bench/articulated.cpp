@@ -1,5 +1,6 @@
-// The articulated-object study: opens an object in a simulated kitchen from random starts, in lockstep, and writes a JSON line a run.
-// Deterministic: a run depends on its seed alone, not on the number of jobs. See --help, DEFINITIONS.md and docs/how-to/study.md.
+// The articulated-object study: opens an object in a simulated kitchen from random starts, in
+// lockstep, and writes a JSON line a run. Deterministic: a run depends on its seed alone, not on
+// the number of jobs. See --help, DEFINITIONS.md and docs/how-to/study.md.
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -21,7 +22,8 @@
 namespace {
 
 struct Options {
-  std::string robot = "mabi_mobile", scene = "kitchen_line", object = "drawer_1", planner = "slq-wbc", json, until = "end", record, pictures;
+  std::string robot = "mabi_mobile", scene = "kitchen_line", object = "drawer_1",
+              planner = "slq-wbc", json, until = "end", record, pictures;
   std::string config = WB_SOURCE_DIR "/config/wholebodyd.yaml";
   int runs = 1, jobs = 1;
   std::uint64_t seed = 0;
@@ -38,23 +40,27 @@ struct Line {
   wb::RunResult result;
   std::uint64_t state_hash = 0;
   double cpu_us = 0;
-  double mpc_p99_ms = 0, mapping_p99_ms = 0;   // equivalent
+  double mpc_p99_ms = 0, mapping_p99_ms = 0;  // equivalent
 
   std::string json() const {
     std::ostringstream out;
     char hash[24];
     std::snprintf(hash, sizeof hash, "%016lx", state_hash);
-    out << "{\"run\": " << run << ", \"seed\": " << seed << ", \"success\": " << (success ? "true" : "false") << ", \"failure\": \"" << failure
+    out << "{\"run\": " << run << ", \"seed\": " << seed
+        << ", \"success\": " << (success ? "true" : "false") << ", \"failure\": \"" << failure
         << "\", \"time_s\": ";
     if (result.opened) {
       out << result.time_s;
     } else {
       out << "null";
     }
-    out << ", \"end_s\": " << final_time_s << ", \"ee_path_m\": " << result.ee_path_m << ", \"opened_fraction\": " << result.opened_fraction
-        << ", \"min_clearance_m\": " << result.min_clearance_m << ", \"collisions\": " << result.collisions << ", \"first_collision\": \""
-        << result.first_collision << "\", \"slip_m\": " << result.slip_m << ", \"state_hash\": \"" << hash << "\", \"cpu_us\": "
-        << static_cast<long>(cpu_us) << ", \"mpc_p99_ms\": " << mpc_p99_ms << ", \"mapping_p99_ms\": " << mapping_p99_ms << "}";
+    out << ", \"end_s\": " << final_time_s << ", \"ee_path_m\": " << result.ee_path_m
+        << ", \"opened_fraction\": " << result.opened_fraction
+        << ", \"min_clearance_m\": " << result.min_clearance_m
+        << ", \"collisions\": " << result.collisions << ", \"first_collision\": \""
+        << result.first_collision << "\", \"slip_m\": " << result.slip_m << ", \"state_hash\": \""
+        << hash << "\", \"cpu_us\": " << static_cast<long>(cpu_us)
+        << ", \"mpc_p99_ms\": " << mpc_p99_ms << ", \"mapping_p99_ms\": " << mapping_p99_ms << "}";
     return out.str();
   }
 };
@@ -65,13 +71,15 @@ wb::DaemonConfig make_config(const Options& o, std::uint64_t seed) {
   c.robot = config_folder / "robots" / o.robot;
   c.seed = seed;
   std::ostringstream plugin;
-  plugin << "{robot: robots/" << o.robot << ", scene: scenes/" << o.scene << ".yaml, seed: " << seed << ", spawn: random}";
+  plugin << "{robot: robots/" << o.robot << ", scene: scenes/" << o.scene << ".yaml, seed: " << seed
+         << ", spawn: random}";
   c.drivers.at(0).config = plugin.str();
   c.blind = o.no_environment;
   return c;
 }
 
-// Where the hand is against its reference, and what the solver's terms cost: why a run goes as it goes.
+// Where the hand is against its reference, and what the solver's terms cost: why a run goes as it
+// goes.
 void print_state(wb::System& system, wb::TimeNs now) {
   const wb::RobotState& s = system.state();
   const wb::RobotModel& model = system.model();
@@ -89,13 +97,17 @@ void print_state(wb::System& system, wb::TimeNs now) {
     rotation = Eigen::AngleAxisd(X_WE.linear().transpose() * X_ref.linear()).angle();
   }
   const wb::SolveReport& report = system.solve_report();
-  std::fprintf(stderr, "%8.3f s %-10s base %6.2f %6.2f %6.2f v %5.2f %5.2f hand off by %.4f m %.3f rad; %s step %.3f cost %.3g -> %.3g;",
-               wb::to_seconds(now), std::string(to_string(s.phase)).c_str(), s.base[0], s.base[1], s.base[2], s.base_velocity[0],
-               s.base_velocity[1], position, rotation, std::string(to_string(report.status)).c_str(), report.step, report.cost_before,
+  std::fprintf(stderr,
+               "%8.3f s %-10s base %6.2f %6.2f %6.2f v %5.2f %5.2f hand off by %.4f m %.3f rad; %s "
+               "step %.3f cost %.3g -> %.3g;",
+               wb::to_seconds(now), std::string(to_string(s.phase)).c_str(), s.base[0], s.base[1],
+               s.base[2], s.base_velocity[0], s.base_velocity[1], position, rotation,
+               std::string(to_string(report.status)).c_str(), report.step, report.cost_before,
                report.cost_after);
   const auto terms = system.problem().terms();
   for (std::size_t i = 0; i < terms.size(); ++i) {
-    if (report.term_cost[i] > 1e-3) std::fprintf(stderr, " %s %.3g", std::string(terms[i]->name()).c_str(), report.term_cost[i]);
+    if (report.term_cost[i] > 1e-3)
+      std::fprintf(stderr, " %s %.3g", std::string(terms[i]->name()).c_str(), report.term_cost[i]);
   }
   // The spheres nearest to what the map holds.
   if (const wb::DistanceField* field = system.arrows().field.read()) {
@@ -103,7 +115,9 @@ void print_state(wb::System& system, wb::TimeNs now) {
       const wb::Sphere& sphere = model.spheres()[i];
       const Eigen::Vector3d p = data.X_WL[sphere.body] * sphere.centre;
       const double gap = field->distance(p) - sphere.radius;
-      if (gap < 0.03) std::fprintf(stderr, " sphere %zu%s gap %.3f at %.2f %.2f %.2f", i, sphere.masked ? " (masked)" : "", gap, p.x(), p.y(), p.z());
+      if (gap < 0.03)
+        std::fprintf(stderr, " sphere %zu%s gap %.3f at %.2f %.2f %.2f", i,
+                     sphere.masked ? " (masked)" : "", gap, p.x(), p.y(), p.z());
     }
   }
   std::fprintf(stderr, "\n");
@@ -118,7 +132,8 @@ Line run_one(const Options& o, int run) {
     if (level >= WB_LOG_WARN) std::fprintf(stderr, "%s\n", text.c_str());
   });
   wb::Lockstep lockstep([&](wb::TimeNs t) { system.advance(t); });
-  // The loops whose latency is declared are timed in equivalent time: the sweep runs beside them, now and then.
+  // The loops whose latency is declared are timed in equivalent time: the sweep runs beside them,
+  // now and then.
   wb::bench::EquivalentTimer mpc_timer, mapping_timer;
   for (wb::Loop& loop : system.loops()) {
     if (loop.name == "mpc") loop.step = mpc_timer.wrap(std::move(loop.step));
@@ -132,7 +147,8 @@ Line run_one(const Options& o, int run) {
     system.record_steps();
   }
   wb::RunObserver observer(system, o.object, wb::RunObserver::threshold(o.object));
-  if (!o.pictures.empty()) observer.write_to(o.runs > 1 ? o.pictures + "/" + std::to_string(line.seed) : o.pictures);
+  if (!o.pictures.empty())
+    observer.write_to(o.runs > 1 ? o.pictures + "/" + std::to_string(line.seed) : o.pictures);
 
   wb::Request reset, open;
   reset.id = 1;
@@ -152,7 +168,9 @@ Line run_one(const Options& o, int run) {
     observer.sample(now);
     const wb::Phase phase = system.state().phase;
     if (phase != last_phase) {
-      if (o.verbose) std::fprintf(stderr, "%4lu %7.3f s %s\n", line.seed, wb::to_seconds(now), std::string(to_string(phase)).c_str());
+      if (o.verbose)
+        std::fprintf(stderr, "%4lu %7.3f s %s\n", line.seed, wb::to_seconds(now),
+                     std::string(to_string(phase)).c_str());
       // The pre-grasp pose is reached when the sequencer goes on to the grasp.
       if (o.until == "pre-grasp" && phase == wb::Phase::kGrasp) ended = reached = true;
       last_phase = phase;
@@ -163,7 +181,8 @@ Line run_one(const Options& o, int run) {
     }
     wb::RequestStatus status;
     while (system.arrows().statuses.pop(status)) {
-      if (status.outcome == wb::RequestOutcome::kRefused || status.outcome == wb::RequestOutcome::kFailed) {
+      if (status.outcome == wb::RequestOutcome::kRefused ||
+          status.outcome == wb::RequestOutcome::kFailed) {
         line.failure = std::string(status.reason.view());
         ended = true;
       } else if (status.id == open.id && status.outcome == wb::RequestOutcome::kSucceeded) {
@@ -181,7 +200,8 @@ Line run_one(const Options& o, int run) {
   line.success = o.until == "pre-grasp" ? reached : line.result.opened;
   if (line.success) line.failure.clear();
   line.state_hash = system.state_hash();
-  for (std::size_t i = 0; i < lockstep.loops(); ++i) line.cpu_us += 1e-3 * static_cast<double>(lockstep.counters(i).cpu_ns.load());
+  for (std::size_t i = 0; i < lockstep.loops(); ++i)
+    line.cpu_us += 1e-3 * static_cast<double>(lockstep.counters(i).cpu_ns.load());
   line.mpc_p99_ms = mpc_timer.quantile_ms(0.99);
   line.mapping_p99_ms = mapping_timer.quantile_ms(0.99);
   return line;
@@ -207,15 +227,19 @@ int main(int argc, char** argv) {
   app.add_option("--seed", o.seed, "run i has seed + i")->capture_default_str();
   app.add_option("--jobs", o.jobs, "processes")->check(CLI::Range(1, 256))->capture_default_str();
   app.add_option("--json", o.json, "write the lines to this file, too");
-  app.add_option("--until", o.until)->check(CLI::IsMember({"pre-grasp", "end"}))->capture_default_str();
-  app.add_flag("--no-environment", o.no_environment, "without the map, for route and MPC alike: what it is worth");
+  app.add_option("--until", o.until)
+      ->check(CLI::IsMember({"pre-grasp", "end"}))
+      ->capture_default_str();
+  app.add_flag("--no-environment", o.no_environment,
+               "without the map, for route and MPC alike: what it is worth");
   app.add_option("--record", o.record, "record the run (with several: FILE.SEED each)");
   app.add_option("--pictures", o.pictures, "folder for run.csv and pictures");
   app.add_option("--config", o.config)->check(CLI::ExistingFile)->capture_default_str();
   app.add_flag("--verbose", o.verbose, "phases, tracking errors and term costs on stderr");
   CLI11_PARSE(app, argc, argv);
 
-  // A process for each job; every one writes whole lines into one pipe, smaller than the pipe's atomic size.
+  // A process for each job; every one writes whole lines into one pipe, smaller than the pipe's
+  // atomic size.
   int ends[2];
   if (pipe(ends) != 0) return 1;
   const int jobs = std::min(o.jobs, o.runs);
@@ -255,7 +279,8 @@ int main(int argc, char** argv) {
   }
   bool failed = false;
   for (int status; wait(&status) > 0;) {
-    if (WIFSIGNALED(status)) std::fprintf(stderr, "a job was ended by signal %d\n", WTERMSIG(status));
+    if (WIFSIGNALED(status))
+      std::fprintf(stderr, "a job was ended by signal %d\n", WTERMSIG(status));
     failed = failed || status != 0;
   }
 
@@ -267,7 +292,8 @@ int main(int argc, char** argv) {
   for (const auto& [run, text] : lines) {
     std::printf("%s\n", text.c_str());
     if (file) file << text << "\n";
-    const bool success = field(text, "success") == "true", collision = field(text, "collisions") != "0";
+    const bool success = field(text, "success") == "true",
+               collision = field(text, "collisions") != "0";
     successes += success;
     collided += collision;
     collided_successes += success && collision;
@@ -279,23 +305,34 @@ int main(int argc, char** argv) {
   if (static_cast<int>(lines.size()) != o.runs) failed = true;
   std::sort(times.begin(), times.end());
   const wb::DaemonConfig config = make_config(o, o.seed);
-  const double mpc_declared = 1e-6 * static_cast<double>(config.mpc.latency_ns), mapping_declared = 1e-6 * static_cast<double>(config.mapping.latency_ns);
+  const double mpc_declared = 1e-6 * static_cast<double>(config.mpc.latency_ns),
+               mapping_declared = 1e-6 * static_cast<double>(config.mapping.latency_ns);
   const bool latencies_hold = mpc_p99 <= mpc_declared && mapping_p99 <= mapping_declared;
   std::ostringstream summary;
-  summary << "{\"summary\": true, \"robot\": \"" << o.robot << "\", \"scene\": \"" << o.scene << "\", \"object\": \"" << o.object << "\", \"planner\": \""
-          << o.planner << "\", \"seed\": " << o.seed << ", \"runs\": " << lines.size() << ", \"successes\": " << successes << ", \"median_time_s\": ";
-  const double median = times.empty() ? INFINITY : 0.5 * (times[(times.size() - 1) / 2] + times[times.size() / 2]);
+  summary << "{\"summary\": true, \"robot\": \"" << o.robot << "\", \"scene\": \"" << o.scene
+          << "\", \"object\": \"" << o.object << "\", \"planner\": \"" << o.planner
+          << "\", \"seed\": " << o.seed << ", \"runs\": " << lines.size()
+          << ", \"successes\": " << successes << ", \"median_time_s\": ";
+  const double median =
+      times.empty() ? INFINITY : 0.5 * (times[(times.size() - 1) / 2] + times[times.size() / 2]);
   if (std::isfinite(median)) {
     summary << median;
   } else {
     summary << "null";
   }
-  summary << ", \"collided_runs\": " << collided << ", \"collided_successes\": " << collided_successes << ", \"max_slip_m\": " << slip
-          << ", \"mpc_p99_ms\": " << mpc_p99 << ", \"mpc_declared_ms\": " << mpc_declared << ", \"mapping_p99_ms\": " << mapping_p99
-          << ", \"mapping_declared_ms\": " << mapping_declared << ", \"latencies_hold\": " << (latencies_hold ? "true" : "false") << ", \"noise\": "
-          << wb::bench::scene_noise_json(std::filesystem::path(o.config).parent_path() / "scenes" / (o.scene + ".yaml")) << "}";
+  summary << ", \"collided_runs\": " << collided
+          << ", \"collided_successes\": " << collided_successes << ", \"max_slip_m\": " << slip
+          << ", \"mpc_p99_ms\": " << mpc_p99 << ", \"mpc_declared_ms\": " << mpc_declared
+          << ", \"mapping_p99_ms\": " << mapping_p99
+          << ", \"mapping_declared_ms\": " << mapping_declared
+          << ", \"latencies_hold\": " << (latencies_hold ? "true" : "false") << ", \"noise\": "
+          << wb::bench::scene_noise_json(std::filesystem::path(o.config).parent_path() / "scenes" /
+                                         (o.scene + ".yaml"))
+          << "}";
   std::printf("%s\n", summary.str().c_str());
   if (file) file << summary.str() << "\n";
-  if (!latencies_hold) std::fprintf(stderr, "the declared latencies are below the measured p99: the study does not count\n");
+  if (!latencies_hold)
+    std::fprintf(stderr,
+                 "the declared latencies are below the measured p99: the study does not count\n");
   return failed || !latencies_hold ? 1 : 0;
 }

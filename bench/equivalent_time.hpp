@@ -1,5 +1,6 @@
-// Measures a step's thread CPU time in equivalent time: the sweep (bench/sweep.hpp) runs interleaved with it and says how fast the
-// machine is at the moment (DEFINITIONS.md, "Equivalent time").
+// Measures a step's thread CPU time in equivalent time: the sweep (bench/sweep.hpp) runs
+// interleaved with it and says how fast the machine is at the moment (DEFINITIONS.md, "Equivalent
+// time").
 #pragma once
 #include <algorithm>
 #include <ctime>
@@ -20,8 +21,10 @@ inline double thread_cpu_ms() {
 
 inline double quantile(std::vector<double> samples, double fraction) {
   if (samples.empty()) return 0;
-  const auto k = std::min(samples.size() - 1, static_cast<std::size_t>(fraction * static_cast<double>(samples.size())));
-  std::nth_element(samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(k), samples.end());
+  const auto k = std::min(samples.size() - 1,
+                          static_cast<std::size_t>(fraction * static_cast<double>(samples.size())));
+  std::nth_element(samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(k),
+                   samples.end());
   return samples[k];
 }
 
@@ -32,9 +35,7 @@ class EquivalentTimer {
 
   // The same function, timed.
   std::function<void(TimeNs)> wrap(std::function<void(TimeNs)> step) {
-    return [this, step = std::move(step)](TimeNs t) {
-      time([&] { step(t); });
-    };
+    return [this, step = std::move(step)](TimeNs t) { time([&] { step(t); }); };
   }
 
   template <class F>

@@ -7,8 +7,8 @@ namespace wb {
 namespace {
 
 bool finite(const JointCommand& c) {
-  return std::isfinite(c.position) && std::isfinite(c.velocity) && std::isfinite(c.torque) && std::isfinite(c.stiffness) &&
-         std::isfinite(c.damping);
+  return std::isfinite(c.position) && std::isfinite(c.velocity) && std::isfinite(c.torque) &&
+         std::isfinite(c.stiffness) && std::isfinite(c.damping);
 }
 
 bool finite(const Command& c) {
@@ -21,11 +21,13 @@ bool finite(const Command& c) {
   return std::isfinite(c.gripper.opening_m) && std::isfinite(c.gripper.force_n);
 }
 
-// Fastest set-point velocity from which steps of dt_s at full braking come to rest within `distance`: the sum of
-// v, v - a dt, v - 2 a dt, ... over the n steps that it takes, solved for v. With equal steps the next bound is never out of reach.
+// Fastest set-point velocity from which steps of dt_s at full braking come to rest within
+// `distance`: the sum of v, v - a dt, v - 2 a dt, ... over the n steps that it takes, solved for v.
+// With equal steps the next bound is never out of reach.
 double braking_velocity(double distance, double acceleration, double dt_s) {
   const double change = acceleration * dt_s, quantum = change * dt_s;
-  const double n = std::max(1.0, std::ceil(0.5 * (std::sqrt(1.0 + 8.0 * distance / quantum) - 1.0)));
+  const double n =
+      std::max(1.0, std::ceil(0.5 * (std::sqrt(1.0 + 8.0 * distance / quantum) - 1.0)));
   return distance / (n * dt_s) + 0.5 * change * (n - 1.0);
 }
 
@@ -39,7 +41,8 @@ void CommandGate::reset(const double* q) RT_SAFE {
   base_velocity_.fill(0.0);
 }
 
-void CommandGate::limit_joints(std::array<double, kMaxJoints>& velocity, double dt_s, bool& scaled, bool& clipped) RT_SAFE {
+void CommandGate::limit_joints(std::array<double, kMaxJoints>& velocity, double dt_s, bool& scaled,
+                               bool& clipped) RT_SAFE {
   // One factor for all joints keeps the direction of the motion.
   const int n = model_->joints();
   double factor = 1.0;
@@ -50,7 +53,8 @@ void CommandGate::limit_joints(std::array<double, kMaxJoints>& velocity, double 
   for (int i = 0; i < n; ++i) velocity[i] *= factor;
   double change = 1.0;
   for (int i = 0; i < n; ++i) {
-    const double step = std::abs(velocity[i] - velocity_[i]), limit = model_->limits(i).acceleration * dt_s;
+    const double step = std::abs(velocity[i] - velocity_[i]),
+                 limit = model_->limits(i).acceleration * dt_s;
     if (step * change > limit) change = limit / step;
   }
   scaled = scaled || factor < 1.0 || change < 1.0;
@@ -58,7 +62,8 @@ void CommandGate::limit_joints(std::array<double, kMaxJoints>& velocity, double 
     const JointLimits& limits = model_->limits(i);
     const double before = position_[i];
     velocity_[i] += change * (velocity[i] - velocity_[i]);
-    // A set-point never leaves the range, and brakes in time before its end; one that starts outside may only move inwards.
+    // A set-point never leaves the range, and brakes in time before its end; one that starts
+    // outside may only move inwards.
     const double low = std::min(limits.lower, before), high = std::max(limits.upper, before);
     const double most = braking_velocity(high - before, limits.acceleration, dt_s);
     const double least = -braking_velocity(before - low, limits.acceleration, dt_s);
@@ -78,11 +83,13 @@ void CommandGate::limit_base(std::array<double, 2>& velocity, double dt_s, bool&
   }
   double change = 1.0;  // and so does one for both changes when the base starts and stops
   for (int i = 0; i < 2; ++i) {
-    const double step = std::abs(factor * velocity[i] - base_velocity_[i]), limit = acceleration[i] * dt_s;
+    const double step = std::abs(factor * velocity[i] - base_velocity_[i]),
+                 limit = acceleration[i] * dt_s;
     if (step * change > limit) change = limit / step;
   }
   scaled = scaled || factor < 1.0 || change < 1.0;
-  for (int i = 0; i < 2; ++i) base_velocity_[i] += change * (factor * velocity[i] - base_velocity_[i]);
+  for (int i = 0; i < 2; ++i)
+    base_velocity_[i] += change * (factor * velocity[i] - base_velocity_[i]);
 }
 
 SafeCommand CommandGate::step(const Command& request, TimeNs now, double dt_s, Mode mode) RT_SAFE {
@@ -95,7 +102,8 @@ SafeCommand CommandGate::step(const Command& request, TimeNs now, double dt_s, M
     return out;
   }
 
-  // Stiffness, gravity torque and grip of a refused request still say how to stand still, if they are numbers at all.
+  // Stiffness, gravity torque and grip of a refused request still say how to stand still, if they
+  // are numbers at all.
   const bool right_size = request.joint_count == model_->joints() && request.wheel_count == wheels;
   const bool usable = right_size && finite(request);
 
@@ -109,7 +117,8 @@ SafeCommand CommandGate::step(const Command& request, TimeNs now, double dt_s, M
     }
     if (wheels) {
       const double left = request.wheels[0].velocity, right = request.wheels[1].velocity;
-      base_velocity = {0.5 * base.wheel_radius_m * (left + right), base.wheel_radius_m * (right - left) / base.track_m};
+      base_velocity = {0.5 * base.wheel_radius_m * (left + right),
+                       base.wheel_radius_m * (right - left) / base.track_m};
       reachable = reachable && std::isfinite(base_velocity[0]) && std::isfinite(base_velocity[1]);
     }
   }
@@ -158,10 +167,12 @@ SafeCommand CommandGate::step(const Command& request, TimeNs now, double dt_s, M
   for (int i = 0; i < wheels; ++i) {
     const double side = i == 0 ? -0.5 : 0.5;
     c.wheels[i].kind = CommandKind::kVelocity;
-    c.wheels[i].velocity = (base_velocity_[0] + side * base.track_m * base_velocity_[1]) / base.wheel_radius_m;
+    c.wheels[i].velocity =
+        (base_velocity_[0] + side * base.track_m * base_velocity_[1]) / base.wheel_radius_m;
   }
   if (usable) last_grip_ = request.gripper;
-  c.gripper.opening_m = std::clamp(last_grip_.opening_m, 0.0, model_->config().gripper_opening_max_m);
+  c.gripper.opening_m =
+      std::clamp(last_grip_.opening_m, 0.0, model_->config().gripper_opening_max_m);
   c.gripper.force_n = std::max(0.0, last_grip_.force_n);
   if (moves && scaled) reason = GateReason::kScaled;
   if (moves && clipped) reason = GateReason::kClipped;

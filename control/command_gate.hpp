@@ -1,6 +1,7 @@
-// The one gate: only here a SafeCommand is made. Control loop, step world. It always yields one: the request, scaled along its path
-// into the velocity and acceleration limits, or the mode's fallback (slow down along the path, then stand still), with the reason.
-// Positions are the integral of the limited velocities, so that set-points never jump. Units: rad, m, s, Nm.
+// The one gate: only here a SafeCommand is made. Control loop, step world. It always yields one:
+// the request, scaled along its path into the velocity and acceleration limits, or the mode's
+// fallback (slow down along the path, then stand still), with the reason. Positions are the
+// integral of the limited velocities, so that set-points never jump. Units: rad, m, s, Nm.
 #pragma once
 #include <memory>
 
@@ -15,26 +16,31 @@ class CommandGate {
  public:
   explicit CommandGate(std::shared_ptr<const RobotModel> model);
 
-  // Starts from standing still at the measured posture; call when the drives become active. q: joints() entries.
+  // Starts from standing still at the measured posture; call when the drives become active. q:
+  // joints() entries.
   void reset(const double* q) RT_SAFE;
 
-  // dt_s: time since the last call. Only Mode::kActive lets motion through; kIdle gives the empty command.
-  // Requests older than kMemory_ns before `now` are refused.
+  // dt_s: time since the last call. Only Mode::kActive lets motion through; kIdle gives the empty
+  // command. Requests older than kMemory_ns before `now` are refused.
   SafeCommand step(const Command& request, TimeNs now, double dt_s, Mode mode) RT_SAFE;
 
-  const std::array<double, kMaxJoints>& positions() const { return position_; }  // where the set-points stand
+  const std::array<double, kMaxJoints>& positions() const {
+    return position_;
+  }  // where the set-points stand
 
   static constexpr TimeNs kMemory_ns = 5'000'000;
 
  private:
-  void limit_joints(std::array<double, kMaxJoints>& velocity, double dt_s, bool& scaled, bool& clipped) RT_SAFE;
+  void limit_joints(std::array<double, kMaxJoints>& velocity, double dt_s, bool& scaled,
+                    bool& clipped) RT_SAFE;
   void limit_base(std::array<double, 2>& velocity, double dt_s, bool& scaled) RT_SAFE;
 
   std::shared_ptr<const RobotModel> model_;
   std::array<double, kMaxJoints> position_{};
   std::array<double, kMaxJoints> velocity_{};
   std::array<double, 2> base_velocity_{};  // v [m/s], w [rad/s]
-  std::array<JointCommand, kMaxJoints> last_good_{};  // of the last request that was made of numbers
+  std::array<JointCommand, kMaxJoints>
+      last_good_{};  // of the last request that was made of numbers
   GripperCommand last_grip_{};
 };
 

@@ -18,17 +18,19 @@ Controller::Controller(std::shared_ptr<const RobotModel> model)
   section_.finish();
 }
 
-void Controller::report(ControlOutput& out, std::uint64_t id, RequestOutcome outcome, std::string_view reason) RT_SAFE {
+void Controller::report(ControlOutput& out, std::uint64_t id, RequestOutcome outcome,
+                        std::string_view reason) RT_SAFE {
   if (out.status_count >= static_cast<int>(out.statuses.size())) return;
   RequestStatus& s = out.statuses[out.status_count++];
-  s = RequestStatus{id, outcome, task_.phase, state_.t_ns, task_.joint_value, task_.joint_range, Name(reason)};
+  s = RequestStatus{
+      id, outcome, task_.phase, state_.t_ns, task_.joint_value, task_.joint_range, Name(reason)};
 }
 
 bool Controller::joints_measured(const Readings& r) const RT_SAFE {
   if (r.joint_count != model_->joints()) return false;
   const auto good = [&](const JointReading& j) {
-    return j.valid && j.age_ns <= reading_memory_ns_ && std::isfinite(j.position) && std::isfinite(j.velocity) &&
-           std::isfinite(j.torque);
+    return j.valid && j.age_ns <= reading_memory_ns_ && std::isfinite(j.position) &&
+           std::isfinite(j.velocity) && std::isfinite(j.torque);
   };
   return std::all_of(r.joints.begin(), r.joints.begin() + r.joint_count, good) &&
          std::all_of(r.wheels.begin(), r.wheels.begin() + r.wheel_count, good);
@@ -69,7 +71,8 @@ void Controller::handle(const Request& r, const Readings& readings, ControlOutpu
       if (r.kind == RequestKind::kMoveJoints) {
         if (r.joint_count != model_->joints()) return refuse("wrong number of joints");
         for (int i = 0; i < model_->joints(); ++i) {
-          if (!(r.q[i] >= model_->limits(i).lower && r.q[i] <= model_->limits(i).upper)) return refuse("out of joint range");
+          if (!(r.q[i] >= model_->limits(i).lower && r.q[i] <= model_->limits(i).upper))
+            return refuse("out of joint range");
         }
       }
       running_ = r;
@@ -87,7 +90,8 @@ void Controller::handle(const Request& r, const Readings& readings, ControlOutpu
 void Controller::watch(const ControlInput& in, bool policy_needed) RT_SAFE {
   const Readings& r = *in.readings;
   const auto trouble = [&](Mode mode, const char* why) {
-    if (mode_ == Mode::kReady || mode_ == Mode::kActive || (mode_ == Mode::kHold && mode == Mode::kSettle)) {
+    if (mode_ == Mode::kReady || mode_ == Mode::kActive ||
+        (mode_ == Mode::kHold && mode == Mode::kSettle)) {
       mode_ = mode;
       trouble_ = Name(why);
     }
@@ -140,7 +144,9 @@ void Controller::step(const ControlInput& in, ControlOutput& out) RT_SAFE {
     state_.q_command[i] = mode_ == Mode::kIdle ? state_.q[i] : gate_.positions()[i];
   }
   Command request;
-  wbc_.step({&state_, follow ? in.policy : nullptr, active && task_.held, task_.free_direction_W, task_.gripper, dt_s}, request);
+  wbc_.step({&state_, follow ? in.policy : nullptr, active && task_.held, task_.free_direction_W,
+             task_.gripper, dt_s},
+            request);
   out.command = gate_.step(request, in.t_ns, dt_s, mode_);
   const GateReason reason = out.command.reason();
   if (active && (reason == GateReason::kScaled || reason == GateReason::kClipped)) {
@@ -151,7 +157,8 @@ void Controller::step(const ControlInput& in, ControlOutput& out) RT_SAFE {
 
   if (active && task_.ended) {
     const bool done = task_.phase == Phase::kDone;
-    report(out, running_.id, done ? RequestOutcome::kSucceeded : RequestOutcome::kFailed, task_.failure);
+    report(out, running_.id, done ? RequestOutcome::kSucceeded : RequestOutcome::kFailed,
+           task_.failure);
     mode_ = Mode::kReady;
   } else if (active && to_seconds(in.t_ns - last_status_) > 1.0 / status_rate_hz_) {
     report(out, running_.id, RequestOutcome::kRunning, "");

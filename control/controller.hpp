@@ -1,5 +1,6 @@
-// The whole control step, 400 Hz: Estimator > modes > TaskSequencer > policy > WholeBodyController > CommandGate.
-// Step world: a result depends on the controller's state and on ControlInput alone. Frames W, B, E; SI.
+// The whole control step, 400 Hz: Estimator > modes > TaskSequencer > policy > WholeBodyController
+// > CommandGate. Step world: a result depends on the controller's state and on ControlInput alone.
+// Frames W, B, E; SI.
 #pragma once
 #include <memory>
 
@@ -14,26 +15,26 @@ namespace wb {
 struct ControlInput {
   TimeNs t_ns = 0;
   const Readings* readings = nullptr;
-  const Policy* policy = nullptr;             // newest, or null
-  const ObjectPlan* plan = nullptr;           // newest, or null
+  const Policy* policy = nullptr;    // newest, or null
+  const ObjectPlan* plan = nullptr;  // newest, or null
   const Request* requests = nullptr;
   int request_count = 0;
 };
 
 struct ControlOutput {
-  RobotState* state = nullptr;                // filled
-  Reference* reference = nullptr;             // filled
+  RobotState* state = nullptr;     // filled
+  Reference* reference = nullptr;  // filled
   SafeCommand command;
-  bool activate_drives = false;               // activate them after this tick (again, if they are): a reset
+  bool activate_drives = false;  // activate them after this tick (again, if they are): a reset
   bool hand_empty = true;
-  int status_count = 0;                       // requests whose outcome changed
+  int status_count = 0;  // requests whose outcome changed
   std::array<RequestStatus, kMaxRequests + 2> statuses{};
 };
 
 // Counters since start; each fault has one.
 struct ControlCounters {
-  std::uint64_t driver_faults = 0, invalid_readings = 0, stale_policies = 0, refused_requests = 0, refused_commands = 0,
-                scaled_commands = 0, emergency_stops = 0;
+  std::uint64_t driver_faults = 0, invalid_readings = 0, stale_policies = 0, refused_requests = 0,
+                refused_commands = 0, scaled_commands = 0, emergency_stops = 0;
 };
 
 class Controller {
@@ -46,9 +47,11 @@ class Controller {
 
  private:
   void handle(const Request& request, const Readings& readings, ControlOutput& out) RT_SAFE;
-  bool joints_measured(const Readings& readings) const RT_SAFE;     // wheels among them
-  void watch(const ControlInput& in, bool policy_needed) RT_SAFE;   // enters HOLD or SETTLE on trouble
-  void report(ControlOutput& out, std::uint64_t id, RequestOutcome outcome, std::string_view reason) RT_SAFE;
+  bool joints_measured(const Readings& readings) const RT_SAFE;  // wheels among them
+  void watch(const ControlInput& in,
+             bool policy_needed) RT_SAFE;  // enters HOLD or SETTLE on trouble
+  void report(ControlOutput& out, std::uint64_t id, RequestOutcome outcome,
+              std::string_view reason) RT_SAFE;
 
   std::shared_ptr<const RobotModel> model_;
   config::Section section_;
@@ -68,7 +71,7 @@ class Controller {
   TimeNs running_since_ = 0;
   TimeNs last_t_ = 0;
   TimeNs last_status_ = 0;
-  bool reset_ = false;                        // in this tick: faults of before do not count against it
+  bool reset_ = false;  // in this tick: faults of before do not count against it
   ControlCounters counters_;
 };
 

@@ -14,9 +14,10 @@ bool finite(const std::array<double, N>& values) {
 }
 
 bool usable(const JointReading& r) {
-  return r.valid && std::isfinite(r.position) && std::isfinite(r.velocity) && std::isfinite(r.torque);
+  return r.valid && std::isfinite(r.position) && std::isfinite(r.velocity) &&
+         std::isfinite(r.torque);
 }
-}
+}  // namespace
 
 Estimator::Estimator(std::shared_ptr<const RobotModel> model, const config::Section& section)
     : model_(std::move(model)),
@@ -29,7 +30,8 @@ Estimator::Estimator(std::shared_ptr<const RobotModel> model, const config::Sect
   const StateVector x = StateVector::Zero(model_->nx());
   RobotModel::Data data;
   model_->forward_kinematics(x.data(), data);
-  hand_com_E_ = model_->X_WF(model_->end_effector(), data).inverse() * model_->X_WF(sensor, data) * hand_com_E_;
+  hand_com_E_ = model_->X_WF(model_->end_effector(), data).inverse() * model_->X_WF(sensor, data) *
+                hand_com_E_;
 }
 
 void Estimator::step(const Readings& r, RobotState& s) RT_SAFE {
@@ -50,14 +52,16 @@ void Estimator::step(const Readings& r, RobotState& s) RT_SAFE {
     if (!wheels_started_) last_wheel_ = {left, right};
     wheels_started_ = true;
     const double ds = 0.5 * base.wheel_radius_m * (left - last_wheel_[0] + right - last_wheel_[1]);
-    const double wheel_dyaw = base.wheel_radius_m * (right - last_wheel_[1] - left + last_wheel_[0]) / base.track_m;
+    const double wheel_dyaw =
+        base.wheel_radius_m * (right - last_wheel_[1] - left + last_wheel_[0]) / base.track_m;
     last_wheel_ = {left, right};
     const bool still = std::abs(r.wheels[0].velocity) < still_wheel_speed_radps_ &&
                        std::abs(r.wheels[1].velocity) < still_wheel_speed_radps_;
     still_for_s_ = still ? still_for_s_ + dt : 0.0;
     double dyaw = wheel_dyaw;
     if (imu) {
-      if (still_for_s_ > still_time_s_) gyro_bias_ += dt / bias_time_constant_s_ * (r.gyro[2] - gyro_bias_);
+      if (still_for_s_ > still_time_s_)
+        gyro_bias_ += dt / bias_time_constant_s_ * (r.gyro[2] - gyro_bias_);
       dyaw = (r.gyro[2] - gyro_bias_) * dt;
     }
     const double heading = s.base[2] + 0.5 * dyaw;  // midpoint rule
@@ -65,9 +69,9 @@ void Estimator::step(const Readings& r, RobotState& s) RT_SAFE {
     s.base[1] += ds * std::sin(heading);
     s.base[2] += dyaw;
     s.base_velocity[0] = 0.5 * base.wheel_radius_m * (r.wheels[0].velocity + r.wheels[1].velocity);
-    s.base_velocity[1] = imu
-                             ? r.gyro[2] - gyro_bias_
-                             : base.wheel_radius_m * (r.wheels[1].velocity - r.wheels[0].velocity) / base.track_m;
+    s.base_velocity[1] =
+        imu ? r.gyro[2] - gyro_bias_
+            : base.wheel_radius_m * (r.wheels[1].velocity - r.wheels[0].velocity) / base.track_m;
   }
   if (imu) {
     s.gyro = r.gyro;
@@ -84,7 +88,8 @@ void Estimator::step(const Readings& r, RobotState& s) RT_SAFE {
     for (int i = 0; i < model_->joints(); ++i) x[model_->base_dof() + i] = s.q[i];
     model_->forward_kinematics(x.data(), data);
     const Eigen::Matrix3d R_WE = model_->X_WF(model_->end_effector(), data).linear();
-    const Eigen::Vector3d weight_E = R_WE.transpose() * Eigen::Vector3d(0, 0, -hand_mass_kg_ * kGravity);
+    const Eigen::Vector3d weight_E =
+        R_WE.transpose() * Eigen::Vector3d(0, 0, -hand_mass_kg_ * kGravity);
     const Eigen::Vector3d moment_E = hand_com_E_.cross(weight_E);
     for (int i = 0; i < 3; ++i) {
       s.wrench[i] = r.wrench[i] - weight_E[i];

@@ -1,6 +1,7 @@
-// State estimation: wheel-and-IMU odometry, joint states, wrench without the hand's weight. Control loop, step world.
-// Frames: W odometry (B's pose at start), B base, E hand. The yaw comes from the gyro, whose bias is learnt while the wheels stand
-// still; the path length comes from the wheel encoders' positions, so that their noise does not add up.
+// State estimation: wheel-and-IMU odometry, joint states, wrench without the hand's weight. Control
+// loop, step world. Frames: W odometry (B's pose at start), B base, E hand. The yaw comes from the
+// gyro, whose bias is learnt while the wheels stand still; the path length comes from the wheel
+// encoders' positions, so that their noise does not add up.
 #pragma once
 #include <memory>
 
@@ -16,7 +17,8 @@ class Estimator {
  public:
   Estimator(std::shared_ptr<const RobotModel> model, const config::Section& section);
 
-  // Fills t_ns, base, joints, wrench, IMU and gripper of `state`; the rest stays. Invalid readings leave the last value.
+  // Fills t_ns, base, joints, wrench, IMU and gripper of `state`; the rest stays. Invalid readings
+  // leave the last value.
   void step(const Readings& readings, RobotState& state) RT_SAFE;
 
  private:

@@ -12,12 +12,14 @@ double wrap(double a) { return std::remainder(a, 2 * M_PI); }
 
 }  // namespace
 
-TaskSequencer::TaskSequencer(std::shared_ptr<const RobotModel> model, const config::Section& section)
+TaskSequencer::TaskSequencer(std::shared_ptr<const RobotModel> model,
+                             const config::Section& section)
     : model_(std::move(model)) {
   using config::kFraction, config::kPositive;
   const config::Section t = section.section("time_limits");
-  limits_ = {t.number("approach_s", kPositive),   t.number("pre_grasp_s", kPositive), t.number("grasp_s", kPositive),
-             t.number("manipulate_s", kPositive), t.number("release_s", kPositive),   t.number("retreat_s", kPositive)};
+  limits_ = {t.number("approach_s", kPositive), t.number("pre_grasp_s", kPositive),
+             t.number("grasp_s", kPositive),    t.number("manipulate_s", kPositive),
+             t.number("release_s", kPositive),  t.number("retreat_s", kPositive)};
   t.finish();
   pre_grasp_standoff_m_ = section.number("pre_grasp_standoff_m", kPositive);
   grasp_depth_m_ = section.number("grasp_depth_m");
@@ -56,7 +58,8 @@ TaskSequencer::TaskSequencer(std::shared_ptr<const RobotModel> model, const conf
 
 void TaskSequencer::start(const Request& request, const RobotState& state) RT_SAFE {
   request_ = request;
-  if (request.kind == RequestKind::kMoveJoints) request_.base = state.base;  // the base stays where the task finds it
+  if (request.kind == RequestKind::kMoveJoints)
+    request_.base = state.base;  // the base stays where the task finds it
   have_plan_ = false;
   regrasps_ = 0;
   regrasp_offset_m_ = 0;
@@ -83,7 +86,8 @@ void TaskSequencer::enter(Phase phase, const TaskInput& in) RT_SAFE {
   line_from_ = X_WE_;
 }
 
-// Before the hand touches anything the task just ends; after that it lets go and backs off first. The first trouble is the reason.
+// Before the hand touches anything the task just ends; after that it lets go and backs off first.
+// The first trouble is the reason.
 void TaskSequencer::fail(Why why, const TaskInput& in) RT_SAFE {
   if (why_ == Why::kNothing) why_ = why;
   Phase exit = Phase::kFailed;
@@ -101,7 +105,8 @@ void TaskSequencer::fail(Why why, const TaskInput& in) RT_SAFE {
 bool TaskSequencer::adopt_plan(const TaskInput& in) RT_SAFE {
   // What was measured is not given up for a prior when the handle leaves the camera's view.
   const bool better = in.plan && (in.plan->measured || !have_plan_ || !plan_.measured);
-  if (better && in.plan->object == request_.object && in.plan->keyframe_count > 1 && in.plan->t_ns >= request_.t_ns) {
+  if (better && in.plan->object == request_.object && in.plan->keyframe_count > 1 &&
+      in.plan->t_ns >= request_.t_ns) {
     plan_ = *in.plan;
     have_plan_ = true;
   }
@@ -131,7 +136,8 @@ Eigen::Isometry3d TaskSequencer::keyframe_pose(double value) const RT_SAFE {
 
 double TaskSequencer::project(const Eigen::Isometry3d& X_WE) const RT_SAFE {
   const ArticulationEstimate& a = plan_.articulation;
-  const Eigen::Vector3d axis = Eigen::Vector3d::Map(a.axis.data()), origin = Eigen::Vector3d::Map(a.axis_origin.data());
+  const Eigen::Vector3d axis = Eigen::Vector3d::Map(a.axis.data()),
+                        origin = Eigen::Vector3d::Map(a.axis_origin.data());
   const Eigen::Vector3d start = (keyframe_pose(plan_.keyframe_value[0]) * X_KE_).translation();
   const Eigen::Vector3d now = X_WE.translation();
   if (a.kind == JointKind::kPrismatic) return plan_.keyframe_value[0] + axis.dot(now - start);
@@ -141,11 +147,14 @@ double TaskSequencer::project(const Eigen::Isometry3d& X_WE) const RT_SAFE {
 }
 
 std::array<double, 3> TaskSequencer::base_goal() const RT_SAFE {
-  // Where the base stands when the arm in its ready posture puts the hand at the pre-grasp pose, as far as x, y and yaw go.
+  // Where the base stands when the arm in its ready posture puts the hand at the pre-grasp pose, as
+  // far as x, y and yaw go.
   const Eigen::Isometry3d X_WE = hand_pose(pre_grasp_standoff_m_);
   const Eigen::Vector3d approach_W = X_WE.linear().col(2), approach_B = X_BE_ready_.linear().col(2);
-  const double yaw = std::atan2(approach_W.y(), approach_W.x()) - std::atan2(approach_B.y(), approach_B.x());
-  const Eigen::Vector3d p = X_WE.translation() - Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) * X_BE_ready_.translation();
+  const double yaw =
+      std::atan2(approach_W.y(), approach_W.x()) - std::atan2(approach_B.y(), approach_B.x());
+  const Eigen::Vector3d p = X_WE.translation() - Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) *
+                                                     X_BE_ready_.translation();
   return {p.x(), p.y(), yaw};
 }
 
@@ -154,15 +163,17 @@ void TaskSequencer::hold_pose(const Pose& X_WE, TimeNs t, Reference& ref) const 
   ref.ee[0] = {t, X_WE};
 }
 
-void TaskSequencer::line(const Eigen::Isometry3d& from, const Eigen::Isometry3d& to, TimeNs start, double speed_mps,
-                         Reference& ref) const RT_SAFE {
+void TaskSequencer::line(const Eigen::Isometry3d& from, const Eigen::Isometry3d& to, TimeNs start,
+                         double speed_mps, Reference& ref) const RT_SAFE {
   const double length = (to.translation() - from.translation()).norm();
   ref.ee_count = 2;
   ref.ee[0] = {start, Pose::from(from)};
-  ref.ee[1] = {start + std::max<TimeNs>(from_seconds(length / speed_mps), 1'000'000), Pose::from(to)};
+  ref.ee[1] = {start + std::max<TimeNs>(from_seconds(length / speed_mps), 1'000'000),
+               Pose::from(to)};
 }
 
-void TaskSequencer::set_posture(const std::vector<double>& q, double scale, Reference& ref) const RT_SAFE {
+void TaskSequencer::set_posture(const std::vector<double>& q, double scale,
+                                Reference& ref) const RT_SAFE {
   ref.joint_count = model_->joints();
   std::copy(q.begin(), q.end(), ref.posture.begin());
   ref.posture_scale = scale;
@@ -173,13 +184,15 @@ void TaskSequencer::set_masks(double joint_value, Reference& ref) const RT_SAFE 
   // The second box is the moving part: carry it along with the joint.
   MaskBox& moving = ref.masks[1];
   const ArticulationEstimate& a = plan_.articulation;
-  const Eigen::Vector3d axis = Eigen::Vector3d::Map(a.axis.data()), origin = Eigen::Vector3d::Map(a.axis_origin.data());
+  const Eigen::Vector3d axis = Eigen::Vector3d::Map(a.axis.data()),
+                        origin = Eigen::Vector3d::Map(a.axis_origin.data());
   const double change = joint_value - a.value;
   Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
   if (a.kind == JointKind::kPrismatic) {
     motion.translation() = change * axis;
   } else {
-    motion = Eigen::Translation3d(origin) * Eigen::AngleAxisd(change, axis) * Eigen::Translation3d(-origin);
+    motion = Eigen::Translation3d(origin) * Eigen::AngleAxisd(change, axis) *
+             Eigen::Translation3d(-origin);
   }
   moving.X_WM = Pose::from(Eigen::Isometry3d(motion * moving.X_WM.isometry()));
 }
@@ -196,7 +209,8 @@ void TaskSequencer::approach(const TaskInput& in, Reference& ref) RT_SAFE {
   const double turn = std::abs(wrap(goal[2] - s.base[2]));
   ref.base_goal_active = true;
   ref.base_goal = goal;
-  // The arm unfolds on the last stretch, when the robot already faces the object: no time is lost, and nothing sticks out in turns.
+  // The arm unfolds on the last stretch, when the robot already faces the object: no time is lost,
+  // and nothing sticks out in turns.
   const bool unfold = distance < reach_distance_m_ && turn < 0.6;
   set_posture(unfold ? robot.ready : robot.stowed, 1.0, ref);
   if (distance < base_tolerance_m_ && turn < base_tolerance_rad_) enter(Phase::kPreGrasp, in);
@@ -210,7 +224,8 @@ void TaskSequencer::pre_grasp(const TaskInput& in, Reference& ref) RT_SAFE {
   hold_pose(Pose::from(target), in.t_ns, ref);
   set_posture(model_->config().ready, 0.1, ref);
   set_masks(plan_.articulation.value, ref);
-  const bool there = plan_.measured && (X_WE_.translation() - target.translation()).norm() < hand_tolerance_m_ &&
+  const bool there = plan_.measured &&
+                     (X_WE_.translation() - target.translation()).norm() < hand_tolerance_m_ &&
                      angle(X_WE_.linear().transpose() * target.linear()) < hand_tolerance_rad_;
   if (!there) {
     settled_since_ = 0;
@@ -238,9 +253,10 @@ void TaskSequencer::grasp(const TaskInput& in, Reference& ref) RT_SAFE {
   }
   out_.gripper = {0.0, grip_force_n_};
   if (probing_) {
-    // Closed beside the bar. Pulling a little tells where it is: a bar that lies behind the pads holds the hand back, one
-    // before their tips does not. The second try goes the other way.
-    line(probe_from_, probe_from_ * Eigen::Translation3d(0, 0, -probe_distance_m_), probe_since_, grasp_speed_mps_, ref);
+    // Closed beside the bar. Pulling a little tells where it is: a bar that lies behind the pads
+    // holds the hand back, one before their tips does not. The second try goes the other way.
+    line(probe_from_, probe_from_ * Eigen::Translation3d(0, 0, -probe_distance_m_), probe_since_,
+         grasp_speed_mps_, ref);
     probe_force_n_ = std::max(probe_force_n_, s.wrench[2]);
     if (in.t_ns < ref.ee[1].t_ns + from_seconds(grip_settle_s_)) return;
     regrasp_offset_m_ = probe_force_n_ > probe_held_n_ ? regrasp_step_m_ : -regrasp_step_m_;
@@ -254,12 +270,15 @@ void TaskSequencer::grasp(const TaskInput& in, Reference& ref) RT_SAFE {
     probe_force_n_ = 0;
     return;
   }
-  if (s.gripper_force_n < 0.5 * grip_force_n_) return;  // still closing; the phase's time limit bounds this
+  if (s.gripper_force_n < 0.5 * grip_force_n_)
+    return;  // still closing; the phase's time limit bounds this
   held_ = true;
   X_KE_ = keyframe_pose(plan_.keyframe_value[0]).inverse() * X_WE_;
   value_ref_ = value_best_ = plan_.keyframe_value[0];
-  const double fraction = request_.opened_fraction > 0 ? request_.opened_fraction : default_fraction_;
-  target_ = std::min(fraction * plan_.articulation.range, plan_.keyframe_value[plan_.keyframe_count - 1]);
+  const double fraction =
+      request_.opened_fraction > 0 ? request_.opened_fraction : default_fraction_;
+  target_ =
+      std::min(fraction * plan_.articulation.range, plan_.keyframe_value[plan_.keyframe_count - 1]);
   progress_t_ = in.t_ns;
   enter(Phase::kManipulate, in);
 }
@@ -271,14 +290,17 @@ void TaskSequencer::manipulate(const TaskInput& in, Reference& ref) RT_SAFE {
   const double lag = prismatic ? lag_max_m_ : lag_max_rad_;
   const double value = project(X_WE_);
   out_.joint_value = value;
-  // The set-point runs ahead of the hand by no more than `lag`, so that a stuck joint meets a bounded force.
-  value_ref_ = std::min({value_ref_ + speed * in.dt_s, std::max(value, plan_.keyframe_value[0]) + lag, target_});
+  // The set-point runs ahead of the hand by no more than `lag`, so that a stuck joint meets a
+  // bounded force.
+  value_ref_ = std::min(
+      {value_ref_ + speed * in.dt_s, std::max(value, plan_.keyframe_value[0]) + lag, target_});
   constexpr int kAhead = 12;
   ref.ee_count = kAhead;
   for (int i = 0; i < kAhead; ++i) {
     const double ahead_s = 0.35 * i;
     const double v = std::min(value_ref_ + speed * ahead_s, target_);
-    ref.ee[i] = {in.t_ns + from_seconds(ahead_s), Pose::from(Eigen::Isometry3d(keyframe_pose(v) * X_KE_))};
+    ref.ee[i] = {in.t_ns + from_seconds(ahead_s),
+                 Pose::from(Eigen::Isometry3d(keyframe_pose(v) * X_KE_))};
   }
   set_posture(model_->config().ready, 0.1, ref);
   set_masks(value, ref);
@@ -290,7 +312,8 @@ void TaskSequencer::manipulate(const TaskInput& in, Reference& ref) RT_SAFE {
     regrasp_offset_m_ = -regrasp_step_m_;  // it slid out over the pads' tips
     return fail(Why::kSlipped, in);
   }
-  const Eigen::Vector3d off_path = X_WE_.translation() - (keyframe_pose(value) * X_KE_).translation();
+  const Eigen::Vector3d off_path =
+      X_WE_.translation() - (keyframe_pose(value) * X_KE_).translation();
   if (off_path.norm() > slip_m_) return fail(Why::kSlipped, in);
   if (value > value_best_ + 0.1 * lag) {
     value_best_ = value;
@@ -306,7 +329,8 @@ void TaskSequencer::release(const TaskInput& in, Reference& ref) RT_SAFE {
   hold_pose(Pose::from(line_from_), in.t_ns, ref);
   set_posture(model_->config().ready, 0.1, ref);
   set_masks(out_.joint_value, ref);
-  if (in.state->gripper_opening_m > 0.8 * model_->config().gripper_opening_max_m) enter(Phase::kRetreat, in);
+  if (in.state->gripper_opening_m > 0.8 * model_->config().gripper_opening_max_m)
+    enter(Phase::kRetreat, in);
 }
 
 void TaskSequencer::retreat(const TaskInput& in, Reference& ref) RT_SAFE {
@@ -333,7 +357,8 @@ void TaskSequencer::move(const TaskInput& in, Reference& ref) RT_SAFE {
     ref.joint_count = model_->joints();
     ref.posture = request_.q;
     ref.posture_scale = 300.0;  // the only objective of this task
-    for (int i = 0; i < model_->joints(); ++i) there = there && std::abs(s.q[i] - request_.q[i]) < move_tolerance_rad_;
+    for (int i = 0; i < model_->joints(); ++i)
+      there = there && std::abs(s.q[i] - request_.q[i]) < move_tolerance_rad_;
     ref.base_count = 1;
     ref.base[0] = {in.t_ns, request_.base};
     ref.base_scale = 0.1;
@@ -341,7 +366,8 @@ void TaskSequencer::move(const TaskInput& in, Reference& ref) RT_SAFE {
     ref.base_goal_active = true;
     ref.base_goal = request_.base;
     set_posture(model_->config().stowed, 1.0, ref);
-    there = std::hypot(request_.base[0] - s.base[0], request_.base[1] - s.base[1]) < move_tolerance_m_ &&
+    there = std::hypot(request_.base[0] - s.base[0], request_.base[1] - s.base[1]) <
+                move_tolerance_m_ &&
             std::abs(wrap(request_.base[2] - s.base[2])) < move_tolerance_rad_;
   }
   if (there) phase_ = Phase::kDone;
@@ -366,25 +392,51 @@ TaskOutput TaskSequencer::step(const TaskInput& in, Reference& ref) RT_SAFE {
   ref.t_ns = in.t_ns;
   double limit_s = 0;
   switch (phase_) {
-    case Phase::kApproach: limit_s = limits_.approach_s; break;
-    case Phase::kPreGrasp: limit_s = limits_.pre_grasp_s; break;
-    case Phase::kGrasp: limit_s = limits_.grasp_s; break;
-    case Phase::kManipulate: limit_s = limits_.manipulate_s; break;
-    case Phase::kRelease: limit_s = limits_.release_s; break;
-    default: limit_s = limits_.retreat_s;
+    case Phase::kApproach:
+      limit_s = limits_.approach_s;
+      break;
+    case Phase::kPreGrasp:
+      limit_s = limits_.pre_grasp_s;
+      break;
+    case Phase::kGrasp:
+      limit_s = limits_.grasp_s;
+      break;
+    case Phase::kManipulate:
+      limit_s = limits_.manipulate_s;
+      break;
+    case Phase::kRelease:
+      limit_s = limits_.release_s;
+      break;
+    default:
+      limit_s = limits_.retreat_s;
   }
   if (to_seconds(in.t_ns - phase_start_) > limit_s) {
-    const bool no_plan = phase_ == Phase::kPreGrasp ? !plan_.measured : request_.kind == RequestKind::kOpen && !have_plan_;
+    const bool no_plan = phase_ == Phase::kPreGrasp
+                             ? !plan_.measured
+                             : request_.kind == RequestKind::kOpen && !have_plan_;
     fail(no_plan ? Why::kNoPlan : Why::kTimeout, in);
   }
   switch (phase_) {
-    case Phase::kApproach: request_.kind == RequestKind::kOpen ? approach(in, ref) : move(in, ref); break;
-    case Phase::kPreGrasp: pre_grasp(in, ref); break;
-    case Phase::kGrasp: grasp(in, ref); break;
-    case Phase::kManipulate: manipulate(in, ref); break;
-    case Phase::kRelease: release(in, ref); break;
-    case Phase::kRetreat: retreat(in, ref); break;
-    default: break;
+    case Phase::kApproach:
+      request_.kind == RequestKind::kOpen ? approach(in, ref) : move(in, ref);
+      break;
+    case Phase::kPreGrasp:
+      pre_grasp(in, ref);
+      break;
+    case Phase::kGrasp:
+      grasp(in, ref);
+      break;
+    case Phase::kManipulate:
+      manipulate(in, ref);
+      break;
+    case Phase::kRelease:
+      release(in, ref);
+      break;
+    case Phase::kRetreat:
+      retreat(in, ref);
+      break;
+    default:
+      break;
   }
   out_.phase = phase_;
   out_.held = held_;
@@ -392,12 +444,24 @@ TaskOutput TaskSequencer::step(const TaskInput& in, Reference& ref) RT_SAFE {
   if (phase_ == Phase::kDone || phase_ == Phase::kFailed) {
     out_.ended = true;
     switch (why_) {
-      case Why::kNothing: out_.failure = ""; break;
-      case Why::kTimeout: out_.failure = "time limit"; break;
-      case Why::kNoPlan: out_.failure = "object not found"; break;
-      case Why::kMissed: out_.failure = "grasp missed"; break;
-      case Why::kSlipped: out_.failure = "grasp slipped"; break;
-      case Why::kNoProgress: out_.failure = "object does not move"; break;
+      case Why::kNothing:
+        out_.failure = "";
+        break;
+      case Why::kTimeout:
+        out_.failure = "time limit";
+        break;
+      case Why::kNoPlan:
+        out_.failure = "object not found";
+        break;
+      case Why::kMissed:
+        out_.failure = "grasp missed";
+        break;
+      case Why::kSlipped:
+        out_.failure = "grasp slipped";
+        break;
+      case Why::kNoProgress:
+        out_.failure = "object does not move";
+        break;
     }
     phase_ = Phase::kNone;
     held_ = false;

@@ -5,7 +5,8 @@
 
 namespace wb {
 
-WholeBodyController::WholeBodyController(std::shared_ptr<const RobotModel> model, const config::Section& section)
+WholeBodyController::WholeBodyController(std::shared_ptr<const RobotModel> model,
+                                         const config::Section& section)
     : model_(std::move(model)),
       stiffness_(section.numbers("stiffness_nmprad", model_->joints(), config::kNonNegative)),
       damping_(section.numbers("damping_nmsprad", model_->joints(), config::kNonNegative)) {
@@ -33,7 +34,8 @@ void WholeBodyController::add_admittance(const WholeBodyInput& in, JointVector& 
 
   Eigen::Vector3d force_W = R_WE * Eigen::Vector3d(s.wrench[0], s.wrench[1], s.wrench[2]);
   const Eigen::Vector3d torque_W = R_WE * Eigen::Vector3d(s.wrench[3], s.wrench[4], s.wrench[5]);
-  force_W -= in.free_direction_W * in.free_direction_W.dot(force_W);  // along the path the policy decides
+  force_W -=
+      in.free_direction_W * in.free_direction_W.dot(force_W);  // along the path the policy decides
   Eigen::Matrix<double, 6, 1> twist_W;
   twist_W << force_W / translation_damping_, torque_W / rotation_damping_;
   const double v = twist_W.head<3>().norm(), w = twist_W.tail<3>().norm();

@@ -1,7 +1,8 @@
-// Turns the MPC's policy into servo set-points. Control loop, step world. Arm: integrates the policy's joint velocities onto the
-// set-points, adds gravity torque; while an object is held, an admittance yields to wrenches across the path so that errors of
-// the estimated joint axis do not build up force. Base: wheel velocities. Frames: W, B, E. SI.
-// Source: Mittal et al. 2022, Sec. IV (policy evaluation); Siciliano et al. 2009, Sec. 9.2 (admittance).
+// Turns the MPC's policy into servo set-points. Control loop, step world. Arm: integrates the
+// policy's joint velocities onto the set-points, adds gravity torque; while an object is held, an
+// admittance yields to wrenches across the path so that errors of the estimated joint axis do not
+// build up force. Base: wheel velocities. Frames: W, B, E. SI. Source: Mittal et al. 2022, Sec. IV
+// (policy evaluation); Siciliano et al. 2009, Sec. 9.2 (admittance).
 #pragma once
 #include <memory>
 
@@ -34,9 +35,9 @@ class WholeBodyController {
 
   std::shared_ptr<const RobotModel> model_;
   std::vector<double> stiffness_, damping_;
-  double translation_damping_, rotation_damping_;   // Ns/m, Nms/rad
-  double translation_max_, rotation_max_;           // m/s, rad/s
-  double least_singular_;                           // damping of the pseudo-inverse
+  double translation_damping_, rotation_damping_;  // Ns/m, Nms/rad
+  double translation_max_, rotation_max_;          // m/s, rad/s
+  double least_singular_;                          // damping of the pseudo-inverse
 };
 
 }  // namespace wb

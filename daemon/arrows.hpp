@@ -22,14 +22,14 @@ struct Arrows {
   Latest<Reference> reference;               // control -> MPC
   Queue<RobotState, 512> states_to_mapping;  // control -> mapping: 1.28 s of history
   Queue<RobotState, 512> states_to_perception;
-  Latest<Policy, 2> policy;                  // MPC -> control (0), service (1)
-  Latest<DistanceField> field;               // mapping -> MPC
-  Latest<ObjectPlan> plan;                   // perception -> control
-  Queue<DepthFrame, 16> frames;              // driver ports -> mapping
-  Queue<Request, kMaxRequests> requests_to_control;     // service ->
+  Latest<Policy, 2> policy;                          // MPC -> control (0), service (1)
+  Latest<DistanceField> field;                       // mapping -> MPC
+  Latest<ObjectPlan> plan;                           // perception -> control
+  Queue<DepthFrame, 16> frames;                      // driver ports -> mapping
+  Queue<Request, kMaxRequests> requests_to_control;  // service ->
   Queue<Request, kMaxRequests> requests_to_perception;
-  Queue<RequestStatus, 256> statuses;        // control -> service
-  Latest<ServiceSnapshot> snapshot;          // control -> service
+  Queue<RequestStatus, 256> statuses;  // control -> service
+  Latest<ServiceSnapshot> snapshot;    // control -> service
 
   // What each step was handed, for the recorder.
   Queue<ControlRecord, 1024> control_records;

@@ -17,7 +17,8 @@ LoopConfig loop(const config::Section& loops, const std::string& name) {
 
 }  // namespace
 
-DaemonConfig DaemonConfig::load(const std::filesystem::path& file, const std::filesystem::path& plugin_folder) {
+DaemonConfig DaemonConfig::load(const std::filesystem::path& file,
+                                const std::filesystem::path& plugin_folder) {
   return from(config::Section::open(file), file.parent_path(), plugin_folder);
 }
 
@@ -43,7 +44,8 @@ DaemonConfig DaemonConfig::from(const config::Section& root, const std::filesyst
   out.mapping = loop(loops, "mapping");
   out.perception = loop(loops, "perception");
   loops.finish();
-  out.command_timeout_ns = from_seconds(1e-3 * root.number("command_timeout_ms", config::kPositive));
+  out.command_timeout_ns =
+      from_seconds(1e-3 * root.number("command_timeout_ms", config::kPositive));
   if (root.has("disabled_terms")) out.disabled_terms = root.texts("disabled_terms");
   root.finish();
   return out;

@@ -1,5 +1,6 @@
-// The recording file: what every step was handed. One writer job, any reader. Valid for one build on one kind of CPU: values are
-// stored as they lie in memory, and the header names their sizes, so that another build's file is refused, not misread.
+// The recording file: what every step was handed. One writer job, any reader. Valid for one build
+// on one kind of CPU: values are stored as they lie in memory, and the header names their sizes, so
+// that another build's file is refused, not misread.
 #pragma once
 #include <cstdio>
 #include <filesystem>
@@ -11,12 +12,18 @@
 
 namespace wb {
 
-enum class RecordType : std::uint8_t { kControl = 1, kMpc = 2, kMapping = 3, kPlan = 4, kFrame = 5 };
+enum class RecordType : std::uint8_t {
+  kControl = 1,
+  kMpc = 2,
+  kMapping = 3,
+  kPlan = 4,
+  kFrame = 5
+};
 
 struct RecordingHeader {
-  std::string build;                       // sizes of the record types
-  std::string robot;                       // folder
-  std::uint64_t robot_hash = 0;            // over the folder's files
+  std::string build;             // sizes of the record types
+  std::string robot;             // folder
+  std::uint64_t robot_hash = 0;  // over the folder's files
   std::vector<std::string> disabled_terms;
 };
 
@@ -30,7 +37,8 @@ class RecordingWriter {
                   const std::vector<std::string>& disabled_terms);
   ~RecordingWriter();
 
-  // Writes everything that waits in the record queues. Ordinary thread, often enough that none overflows.
+  // Writes everything that waits in the record queues. Ordinary thread, often enough that none
+  // overflows.
   void drain(Arrows& arrows);
   bool failed() const { return failed_; }  // the disk refused something
 
@@ -52,7 +60,7 @@ class RecordingReader {
   std::vector<MpcRecord> mpc;
   std::vector<MappingRecord> mapping;
   std::vector<ObjectPlan> plans;
-  bool truncated = false;                  // the last record is cut off: the daemon died while writing
+  bool truncated = false;  // the last record is cut off: the daemon died while writing
 
   // Loads the frame with this sequence number into `frame`; false if it is not in the file.
   bool frame(std::uint64_t seq, DepthFrame& frame) const;

@@ -13,7 +13,8 @@
 namespace wb {
 namespace {
 
-// The last values of a recomputed arrow, by sequence number. Far more than any reader can lag behind.
+// The last values of a recomputed arrow, by sequence number. Far more than any reader can lag
+// behind.
 template <class T>
 class History {
  public:
@@ -59,7 +60,8 @@ ReplayResult replay(const std::filesystem::path& file) {
   for (const ObjectPlan& p : in.plans) plans[p.seq] = &p;
   StateHash hash;
 
-  // Steps run as soon as what they were handed exists: any order that respects this gives the same values.
+  // Steps run as soon as what they were handed exists: any order that respects this gives the same
+  // values.
   std::size_t c = 0, m = 0, a = 0;
   std::vector<DepthFrame> frames(MappingRecord::kMaxFrames);
   bool progress = true;
@@ -74,7 +76,12 @@ ReplayResult replay(const std::filesystem::path& file) {
         out.problem = "plan " + std::to_string(r.plan_seq) + " is missing";
         return out;
       }
-      ControlInput input{r.t_ns, &r.readings, policy, r.plan_seq ? plan->second : nullptr, r.requests.data(), r.request_count};
+      ControlInput input{r.t_ns,
+                         &r.readings,
+                         policy,
+                         r.plan_seq ? plan->second : nullptr,
+                         r.requests.data(),
+                         r.request_count};
       ControlOutput output;
       RobotState state;
       Reference reference;
@@ -98,7 +105,8 @@ ReplayResult replay(const std::filesystem::path& file) {
     while (a < in.mapping.size()) {
       const MappingRecord& r = in.mapping[a];
       if (r.first_state_seq + r.state_count > c + 1) break;
-      for (int i = 0; i < r.state_count; ++i) mapper.push_state(*states.find(r.first_state_seq + i));
+      for (int i = 0; i < r.state_count; ++i)
+        mapper.push_state(*states.find(r.first_state_seq + i));
       const DepthFrame* views[MappingRecord::kMaxFrames];
       for (int i = 0; i < r.frame_count; ++i) {
         if (!in.frame(r.frame_seqs[i], frames[i])) {
@@ -137,7 +145,9 @@ ReplayResult replay(const std::filesystem::path& file) {
   out.mpc_steps = m;
   out.mapping_steps = a;
   out.state_hash = hash.value();
-  if (c < in.control.size()) out.problem = "control step " + std::to_string(c) + " was handed a policy that no record explains";
+  if (c < in.control.size())
+    out.problem =
+        "control step " + std::to_string(c) + " was handed a policy that no record explains";
   out.equal = out.problem.empty() && out.first_difference < 0;
   return out;
 }
@@ -154,18 +164,24 @@ int replay_main(const std::filesystem::path& file, bool json) {
     char hash[24];
     std::snprintf(hash, sizeof hash, "%016lx", r.state_hash);
     Json out = Json::object();
-    out.add("equal", r.equal).add("control_steps", r.control_steps).add("mpc_steps", r.mpc_steps).add("mapping_steps", r.mapping_steps);
-    out.add("first_difference", r.first_difference).add("state_hash", hash).add("problem", r.problem);
+    out.add("equal", r.equal)
+        .add("control_steps", r.control_steps)
+        .add("mpc_steps", r.mpc_steps)
+        .add("mapping_steps", r.mapping_steps);
+    out.add("first_difference", r.first_difference)
+        .add("state_hash", hash)
+        .add("problem", r.problem);
     std::printf("%s\n", out.str().c_str());
   } else {
-    std::printf("%lu control, %lu MPC and %lu mapping steps, state hash %016lx: ", r.control_steps, r.mpc_steps, r.mapping_steps,
-                r.state_hash);
+    std::printf("%lu control, %lu MPC and %lu mapping steps, state hash %016lx: ", r.control_steps,
+                r.mpc_steps, r.mapping_steps, r.state_hash);
     if (r.equal) {
       std::printf("equal to the recording\n");
     } else if (!r.problem.empty()) {
       std::printf("cannot be replayed: %s\n", r.problem.c_str());
     } else {
-      std::printf("control step %ld, %.4f s after the start, is the first that differs\n", r.first_difference, r.first_difference_s);
+      std::printf("control step %ld, %.4f s after the start, is the first that differs\n",
+                  r.first_difference, r.first_difference_s);
     }
   }
   if (!r.problem.empty()) return 2;

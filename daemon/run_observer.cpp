@@ -12,7 +12,8 @@ double RunObserver::threshold(const std::string& object) {
 
 namespace {
 
-// Where to look at a grasp from: along the bar, from the right of who faces the front, a little out and above.
+// Where to look at a grasp from: along the bar, from the right of who faces the front, a little out
+// and above.
 Eigen::Isometry3d close_up(const Eigen::Isometry3d& X_SG) {
   const Eigen::Vector3d into = X_SG.linear().col(2), right = into.cross(Eigen::Vector3d::UnitZ());
   const Eigen::Vector3d from = -0.15 * into + 0.42 * right + 0.12 * Eigen::Vector3d::UnitZ();
@@ -31,7 +32,8 @@ RunObserver::RunObserver(System& system, const std::string& object, double thres
       view_(static_cast<const wb_sim_view*>(system.host().extension(WB_SIM_VIEW, nullptr))),
       object_(object),
       threshold_(threshold_fraction) {
-  if (!truth_) throw std::runtime_error("watching a run needs a driver with the extension " WB_SIM_TRUTH);
+  if (!truth_)
+    throw std::runtime_error("watching a run needs a driver with the extension " WB_SIM_TRUTH);
   wb_sim_object o;
   for (index_ = 0; index_ < truth_->object_count(driver_); ++index_) {
     if (truth_->object(driver_, index_, &o) == WB_OK && object == o.name) return;
@@ -48,7 +50,9 @@ void RunObserver::write_to(const std::filesystem::path& folder) {
   std::filesystem::create_directories(folder);
   csv_ = std::fopen((folder / "run.csv").c_str(), "w");
   if (!csv_) throw std::runtime_error((folder / "run.csv").string() + " cannot be written");
-  std::fprintf(csv_, "t_s,phase,joint_value,base_x_m,base_y_m,hand_x_m,hand_y_m,hand_z_m,clearance_m,collisions\n");
+  std::fprintf(csv_,
+               "t_s,phase,joint_value,base_x_m,base_y_m,hand_x_m,hand_y_m,hand_z_m,clearance_m,"
+               "collisions\n");
   picture("start");
 }
 
@@ -57,7 +61,8 @@ void RunObserver::picture(const std::string& name, const Eigen::Isometry3d* X_SC
   constexpr int kWidth = 960, kHeight = 720;
   std::vector<std::uint8_t> rgb(3 * kWidth * kHeight);
   const wb_sim_pose pose = X_SC ? sim_pose(*X_SC) : wb_sim_pose{};
-  if (view_->render(driver_, kWidth, kHeight, X_SC ? &pose : nullptr, 0.0, rgb.data()) != WB_OK) return;
+  if (view_->render(driver_, kWidth, kHeight, X_SC ? &pose : nullptr, 0.0, rgb.data()) != WB_OK)
+    return;
   if (std::FILE* f = std::fopen((folder_ / (name + ".ppm")).c_str(), "wb")) {
     std::fprintf(f, "P6 %d %d 255\n", kWidth, kHeight);
     std::fwrite(rgb.data(), 1, rgb.size(), f);
@@ -121,8 +126,9 @@ void RunObserver::sample(TimeNs t) {
   }
   if (csv_) {
     const Eigen::Vector3d base = isometry(truth_->base_pose(driver_)).translation();
-    std::fprintf(csv_, "%.3f,%s,%.5f,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%d\n", to_seconds(t - start_), std::string(to_string(phase)).c_str(),
-                 o.value, base.x(), base.y(), last_hand_.x(), last_hand_.y(), last_hand_.z(), clearance_, r.collisions);
+    std::fprintf(csv_, "%.3f,%s,%.5f,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%d\n", to_seconds(t - start_),
+                 std::string(to_string(phase)).c_str(), o.value, base.x(), base.y(), last_hand_.x(),
+                 last_hand_.y(), last_hand_.z(), clearance_, r.collisions);
   }
 }
 

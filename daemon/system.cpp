@@ -22,7 +22,9 @@ System::System(const DaemonConfig& config, DriverHost::Log log)
     : config_(config),
       model_(std::make_shared<const RobotModel>(RobotConfig::load(config.robot))),
       host_(model_->config(), config.drivers, std::move(log)),
-      truth_(config.interpreter == "oracle" ? std::make_unique<TruthTap>(host_, model_->config().shoulder_camera) : nullptr),
+      truth_(config.interpreter == "oracle"
+                 ? std::make_unique<TruthTap>(host_, model_->config().shoulder_camera)
+                 : nullptr),
       controller_(model_),
       planner_(model_, config.disabled_terms),
       mapper_(model_),
@@ -40,10 +42,14 @@ std::unique_ptr<SceneInterpreter> System::make_interpreter() {
   OracleOptions options;
   options.seed = config_.seed;
   return std::make_unique<OracleInterpreter>(
-      model_, options, [this](const Name& object, ObjectTruth& truth) { return truth_->find(object, truth); }, truth_->spawn_pose());
+      model_, options,
+      [this](const Name& object, ObjectTruth& truth) { return truth_->find(object, truth); },
+      truth_->spawn_pose());
 }
 
-std::set<std::string> System::object_names() const { return truth_ ? truth_->object_names() : std::set<std::string>{}; }
+std::set<std::string> System::object_names() const {
+  return truth_ ? truth_->object_names() : std::set<std::string>{};
+}
 
 void System::advance(TimeNs t) {
   host_.advance(t);
@@ -51,20 +57,27 @@ void System::advance(TimeNs t) {
 }
 
 std::vector<Loop> System::loops() {
-  const auto loop = [](const char* name, const LoopConfig& c, std::function<void(TimeNs)> step, std::function<void()> deliver) {
+  const auto loop = [](const char* name, const LoopConfig& c, std::function<void(TimeNs)> step,
+                       std::function<void()> deliver) {
     return Loop{name, c.rate_hz, c.latency_ns, c.priority, std::move(step), std::move(deliver)};
   };
   return {
       loop("control", config_.control, [this](TimeNs t) { control_step(t); }, {}),
-      loop("mpc", config_.mpc, [this](TimeNs t) { mpc_step(t); }, [this] { mpc_deliver(); }),
+      loop(
+          "mpc", config_.mpc, [this](TimeNs t) { mpc_step(t); }, [this] { mpc_deliver(); }),
       loop("frames", config_.frames, [this](TimeNs t) { frames_step(t); }, {}),
-      loop("mapping", config_.mapping, [this](TimeNs t) { mapping_step(t); }, [this] { mapping_deliver(); }),
-      loop("perception", config_.perception, [this](TimeNs t) { perception_step(t); }, [this] { perception_deliver(); }),
+      loop(
+          "mapping", config_.mapping, [this](TimeNs t) { mapping_step(t); },
+          [this] { mapping_deliver(); }),
+      loop(
+          "perception", config_.perception, [this](TimeNs t) { perception_step(t); },
+          [this] { perception_deliver(); }),
   };
 }
 
 bool System::submit(Request request) {
-  if (request.kind == RequestKind::kOpen && !arrows_.requests_to_perception.push(request)) return false;
+  if (request.kind == RequestKind::kOpen && !arrows_.requests_to_perception.push(request))
+    return false;
   return arrows_.requests_to_control.push(request);
 }
 
@@ -79,14 +92,17 @@ void System::control_step(TimeNs now) {
   record.policy_seq = policy ? policy->seq : 0;
   record.plan_seq = plan ? plan->seq : 0;
   record.request_count = 0;
-  while (record.request_count < kMaxRequests && arrows_.requests_to_control.pop(record.requests[record.request_count])) {
+  while (record.request_count < kMaxRequests &&
+         arrows_.requests_to_control.pop(record.requests[record.request_count])) {
     record.requests[record.request_count++].t_ns = now;
   }
   ControlOutput out;
   out.state = &state_;
   out.reference = &reference_;
-  controller_.step({now, &record.readings, policy, plan, record.requests.data(), record.request_count}, out);
-  // Activation happens while the drives stand still under their brakes; the tick that does it may be late.
+  controller_.step(
+      {now, &record.readings, policy, plan, record.requests.data(), record.request_count}, out);
+  // Activation happens while the drives stand still under their brakes; the tick that does it may
+  // be late.
   if (out.activate_drives) host_.activate(config_.command_timeout_ns);
   host_.write(out.command);
 
@@ -126,7 +142,9 @@ void System::fill_snapshot() {
   s.request = newest_status_;
   s.object = newest_status_.id == opening_.status.id ? opening_.object : Name();
   s.counter_count = 0;
-  const auto count = [&](const char* name, std::uint64_t n) { s.counters[s.counter_count++] = {Name(name), n}; };
+  const auto count = [&](const char* name, std::uint64_t n) {
+    s.counters[s.counter_count++] = {Name(name), n};
+  };
   const ControlCounters& c = controller_.counters();
   count("driver_faults", c.driver_faults);
   count("invalid_readings", c.invalid_readings);
@@ -137,7 +155,8 @@ void System::fill_snapshot() {
   count("emergency_stops", c.emergency_stops);
   count("dropped_frames", arrows_.frames.dropped());
   count("dropped_states", arrows_.states_to_mapping.dropped());
-  count("dropped_records", arrows_.control_records.dropped() + arrows_.mpc_records.dropped() + arrows_.mapping_records.dropped());
+  count("dropped_records", arrows_.control_records.dropped() + arrows_.mpc_records.dropped() +
+                               arrows_.mapping_records.dropped());
   arrows_.snapshot.publish();
 }
 
@@ -202,7 +221,8 @@ void System::mapping_step(TimeNs now) {
     r.frame_seqs[r.frame_count] = f->seq;
     frames[r.frame_count++] = f;
   }
-  r.report = mapper_.update({frames, static_cast<std::size_t>(r.frame_count)}, arrows_.field.writing());
+  r.report =
+      mapper_.update({frames, static_cast<std::size_t>(r.frame_count)}, arrows_.field.writing());
   for (int i = 0; i < r.frame_count; ++i) arrows_.frames.pop();
 }
 
@@ -215,7 +235,8 @@ void System::perception_step(TimeNs) {
   Request request;
   while (arrows_.requests_to_perception.pop(request)) perceiver_.look_for(request.object);
   while (arrows_.states_to_perception.pop(perceived_state_)) have_perceived_state_ = true;
-  plan_pending_ = have_perceived_state_ && perceiver_.step(perceived_state_, arrows_.plan.writing());
+  plan_pending_ =
+      have_perceived_state_ && perceiver_.step(perceived_state_, arrows_.plan.writing());
 }
 
 void System::perception_deliver() {

@@ -1,5 +1,6 @@
-// The wiring: builds every room from the configuration, owns the arrows between them, and gives each loop its step.
-// The same loops run on Lockstep (virtual clock) or RealTime (threads). Setup world to build.
+// The wiring: builds every room from the configuration, owns the arrows between them, and gives
+// each loop its step. The same loops run on Lockstep (virtual clock) or RealTime (threads). Setup
+// world to build.
 #pragma once
 #include <memory>
 #include <vector>
@@ -24,16 +25,17 @@ class System {
 
   // control, mpc, frames, mapping, perception: the order in Lockstep at equal times.
   std::vector<Loop> loops();
-  void advance(TimeNs t);                        // steppable drivers, Lockstep
-  void advance_in_control(bool on) { advance_in_control_ = on; }   // steppable drivers, RealTime
+  void advance(TimeNs t);                                         // steppable drivers, Lockstep
+  void advance_in_control(bool on) { advance_in_control_ = on; }  // steppable drivers, RealTime
 
   // Hands a checked request to control (and perception); one thread. False: the queue is full.
   bool submit(Request request);
-  // Must be called before the loops run, when somebody drains the record queues; otherwise steps are not recorded.
+  // Must be called before the loops run, when somebody drains the record queues; otherwise steps
+  // are not recorded.
   void record_steps() { recording_ = true; }
 
-  std::set<std::string> object_names() const;    // what `open` may name
-  TruthTap* truth() { return truth_.get(); }     // null without the oracle
+  std::set<std::string> object_names() const;  // what `open` may name
+  TruthTap* truth() { return truth_.get(); }   // null without the oracle
 
   Arrows& arrows() { return arrows_; }
   DriverHost& host() { return host_; }
@@ -51,9 +53,9 @@ class System {
   const ControlCounters& control_counters() const { return controller_.counters(); }
   struct Opening {
     Name object;
-    RequestStatus status;                        // id 0: there was none
+    RequestStatus status;  // id 0: there was none
   };
-  const Opening& opening() const { return opening_; }   // the `open` that was accepted last
+  const Opening& opening() const { return opening_; }  // the `open` that was accepted last
 
  private:
   void control_step(TimeNs now);
@@ -71,7 +73,7 @@ class System {
   DaemonConfig config_;
   std::shared_ptr<const RobotModel> model_;
   DriverHost host_;
-  std::unique_ptr<TruthTap> truth_;              // oracle only
+  std::unique_ptr<TruthTap> truth_;  // oracle only
   Controller controller_;
   MotionPlanner planner_;
   Mapper mapper_;

@@ -1,10 +1,13 @@
-/* Driver plugin ABI of Wholebody, plain C. A plugin is a shared object that exports wb_driver_entry.
+/* Driver plugin ABI of Wholebody, plain C. A plugin is a shared object that exports
+ * wb_driver_entry.
  *
- * Threads: describe, configure, activate, deactivate, destroy: setup (may block, allocate, log). read, write, stop, advance:
- * ports, called by one thread (control): bounded, non-blocking, no allocation; they may call the kernel and take time stamps.
- * acquire_frame and release_frame: one other thread. Time: int64 ns, the host's clock (monotonic or virtual).
- * SI units. Frames, sign conventions, wrench and depth: shared with core/types (readings.hpp, command.hpp, depth_frame.hpp).
- * The plugin stops its joints by itself when no write came for the time-out given in activate. */
+ * Threads: describe, configure, activate, deactivate, destroy: setup (may block, allocate, log).
+ * read, write, stop, advance: ports, called by one thread (control): bounded, non-blocking, no
+ * allocation; they may call the kernel and take time stamps. acquire_frame and release_frame: one
+ * other thread. Time: int64 ns, the host's clock (monotonic or virtual). SI units. Frames, sign
+ * conventions, wrench and depth: shared with core/types (readings.hpp, command.hpp,
+ * depth_frame.hpp). The plugin stops its joints by itself when no write came for the time-out given
+ * in activate. */
 #ifndef WB_DRIVER_H
 #define WB_DRIVER_H
 #include <stdint.h>
@@ -18,8 +21,19 @@ extern "C" {
 
 typedef struct wb_driver wb_driver; /* the plugin's instance */
 
-typedef enum { WB_OK = 0, WB_ERROR = 1, WB_NOT_READY = 2, WB_NO_DATA = 3, WB_BAD_STATE = 4, WB_TIMED_OUT = 5 } wb_status;
-typedef enum { WB_UNCONFIGURED = 0, WB_INACTIVE = 1, WB_ACTIVE = 2 } wb_state; /* inactive reads, active moves */
+typedef enum {
+  WB_OK = 0,
+  WB_ERROR = 1,
+  WB_NOT_READY = 2,
+  WB_NO_DATA = 3,
+  WB_BAD_STATE = 4,
+  WB_TIMED_OUT = 5
+} wb_status;
+typedef enum {
+  WB_UNCONFIGURED = 0,
+  WB_INACTIVE = 1,
+  WB_ACTIVE = 2
+} wb_state; /* inactive reads, active moves */
 typedef enum { WB_CMD_NONE = 0, WB_CMD_IMPEDANCE = 1, WB_CMD_VELOCITY = 2 } wb_command_kind;
 typedef enum { WB_TIMEOUT_HOLD = 0, WB_TIMEOUT_DAMPED = 1, WB_TIMEOUT_BRAKE = 2 } wb_timeout_action;
 typedef enum { WB_LOG_DEBUG = 0, WB_LOG_INFO = 1, WB_LOG_WARN = 2, WB_LOG_ERROR = 3 } wb_log_level;
@@ -28,12 +42,12 @@ typedef struct {
   char name[32];
   double position_min, position_max; /* rad or m; equal: unlimited */
   double velocity_max, effort_max;
-  uint32_t command_kinds;            /* bit mask of 1 << wb_command_kind */
+  uint32_t command_kinds; /* bit mask of 1 << wb_command_kind */
   uint32_t is_wheel;
 } wb_joint_info;
 
 typedef struct {
-  char name[32];                     /* the optical frame's link */
+  char name[32]; /* the optical frame's link */
   uint32_t width, height;
   double fx, fy, cx, cy;             /* pixels */
   double range_min, range_max, rate; /* m, m, Hz */
@@ -42,58 +56,80 @@ typedef struct {
 
 typedef struct {
   char name[64];
-  uint32_t joint_count;              /* wheels included */
+  uint32_t joint_count; /* wheels included */
   wb_joint_info joints[WB_DRIVER_MAX_JOINTS];
   uint32_t camera_count;
   wb_camera_info cameras[8];
   uint32_t has_imu, has_wrench, has_gripper, has_emergency_stop;
-  uint32_t can_step;                 /* advance() is supported: may run on a virtual clock */
+  uint32_t can_step; /* advance() is supported: may run on a virtual clock */
 } wb_description;
 
 typedef struct {
-  int64_t t_ns;                      /* of the newest sample */
-  struct { double position, velocity, effort; int64_t age_ns; uint32_t valid; } joints[WB_DRIVER_MAX_JOINTS];
-  struct { double gyro[3], acceleration[3]; uint32_t valid; } imu;
-  struct { double force[3], torque[3]; uint32_t valid; } wrench;
-  struct { double opening, force; uint32_t valid; } gripper;
+  int64_t t_ns; /* of the newest sample */
+  struct {
+    double position, velocity, effort;
+    int64_t age_ns;
+    uint32_t valid;
+  } joints[WB_DRIVER_MAX_JOINTS];
+  struct {
+    double gyro[3], acceleration[3];
+    uint32_t valid;
+  } imu;
+  struct {
+    double force[3], torque[3];
+    uint32_t valid;
+  } wrench;
+  struct {
+    double opening, force;
+    uint32_t valid;
+  } gripper;
   uint32_t emergency_stop;
-  uint32_t timed_out;                /* the plugin's own time-out has stopped the joints */
+  uint32_t timed_out; /* the plugin's own time-out has stopped the joints */
 } wb_readings;
 
 typedef struct {
   int64_t t_ns;
-  struct { uint32_t kind; double position, velocity, effort, stiffness, damping; } joints[WB_DRIVER_MAX_JOINTS];
-  struct { double opening, force; } gripper;
+  struct {
+    uint32_t kind;
+    double position, velocity, effort, stiffness, damping;
+  } joints[WB_DRIVER_MAX_JOINTS];
+  struct {
+    double opening, force;
+  } gripper;
 } wb_commands;
 
 typedef struct {
-  uint32_t camera;                   /* index in the description */
-  int64_t t_ns;                      /* exposure */
-  const float* depth;                /* width * height, z-depth [m], +inf where there is no return */
-  const uint8_t* colour;             /* width * height * 3, or null */
-  uint64_t token;                    /* for release_frame */
+  uint32_t camera;       /* index in the description */
+  int64_t t_ns;          /* exposure */
+  const float* depth;    /* width * height, z-depth [m], +inf where there is no return */
+  const uint8_t* colour; /* width * height * 3, or null */
+  uint64_t token;        /* for release_frame */
 } wb_frame;
 
-typedef void (*wb_log)(void* user, wb_log_level level, const char* text); /* never called from a port */
+typedef void (*wb_log)(void* user, wb_log_level level,
+                       const char* text); /* never called from a port */
 
 typedef struct {
-  uint32_t abi;                      /* WB_DRIVER_ABI */
-  uint32_t size;                     /* sizeof(wb_driver_api) */
-  /* Null with a log line on failure. config: text of the plugin's YAML section; folder: what its file names are relative to. */
+  uint32_t abi;  /* WB_DRIVER_ABI */
+  uint32_t size; /* sizeof(wb_driver_api) */
+  /* Null with a log line on failure. config: text of the plugin's YAML section; folder: what its
+   * file names are relative to. */
   wb_driver* (*create)(const char* config, const char* folder, wb_log log, void* log_user);
   void (*destroy)(wb_driver*);
   wb_status (*describe)(const wb_driver*, wb_description*);
-  wb_status (*configure)(wb_driver*);                                    /* unconfigured -> inactive */
-  /* inactive -> active; nothing moves before the first write. actions: one for each joint of the description. */
+  wb_status (*configure)(wb_driver*); /* unconfigured -> inactive */
+  /* inactive -> active; nothing moves before the first write. actions: one for each joint of the
+   * description. */
   wb_status (*activate)(wb_driver*, int64_t command_timeout_ns, const wb_timeout_action* actions);
-  wb_status (*deactivate)(wb_driver*);                                   /* active -> inactive, joints stopped */
+  wb_status (*deactivate)(wb_driver*); /* active -> inactive, joints stopped */
   wb_status (*read)(wb_driver*, wb_readings*);
-  wb_status (*write)(wb_driver*, const wb_commands*);                    /* WB_TIMED_OUT: latched until activate */
-  wb_status (*stop)(wb_driver*);                                         /* time-out action now, latched until activate */
-  wb_status (*acquire_frame)(wb_driver*, wb_frame*);                     /* oldest frame not yet taken, or WB_NO_DATA */
+  wb_status (*write)(wb_driver*, const wb_commands*); /* WB_TIMED_OUT: latched until activate */
+  wb_status (*stop)(wb_driver*); /* time-out action now, latched until activate */
+  wb_status (*acquire_frame)(wb_driver*, wb_frame*); /* oldest frame not yet taken, or WB_NO_DATA */
   wb_status (*release_frame)(wb_driver*, uint64_t token);
-  wb_status (*advance)(wb_driver*, int64_t t_ns);                        /* absolute; plugins with can_step */
-  /* Interfaces beyond control, by name (e.g. "wb.sim.truth/1"); null if unknown. No controller asks for them. */
+  wb_status (*advance)(wb_driver*, int64_t t_ns); /* absolute; plugins with can_step */
+  /* Interfaces beyond control, by name (e.g. "wb.sim.truth/1"); null if unknown. No controller asks
+   * for them. */
   const void* (*get_extension)(wb_driver*, const char* name);
 } wb_driver_api;
 

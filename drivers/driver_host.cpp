@@ -32,13 +32,17 @@ DriverHost::DriverHost(const RobotConfig& robot, const std::vector<PluginSpec>& 
     if (!entry) throw std::runtime_error("driver " + name + " does not export " WB_DRIVER_ENTRY);
     p.api = entry();
     if (!p.api || p.api->abi != WB_DRIVER_ABI || p.api->size != sizeof(wb_driver_api)) {
-      throw std::runtime_error("driver " + name + " has ABI " + std::to_string(p.api ? p.api->abi : 0) + ", this program has " +
+      throw std::runtime_error("driver " + name + " has ABI " +
+                               std::to_string(p.api ? p.api->abi : 0) + ", this program has " +
                                std::to_string(WB_DRIVER_ABI));
     }
     p.driver = p.api->create(spec.config.c_str(), spec.folder.c_str(), forward_log, &log_);
-    if (!p.driver) throw std::runtime_error("driver " + name + " could not be created (its log lines say why)");
-    if (p.api->configure(p.driver) != WB_OK) throw std::runtime_error("driver " + name + " could not be configured");
-    if (p.api->describe(p.driver, &p.description) != WB_OK) throw std::runtime_error("driver " + name + " does not describe itself");
+    if (!p.driver)
+      throw std::runtime_error("driver " + name + " could not be created (its log lines say why)");
+    if (p.api->configure(p.driver) != WB_OK)
+      throw std::runtime_error("driver " + name + " could not be configured");
+    if (p.api->describe(p.driver, &p.description) != WB_OK)
+      throw std::runtime_error("driver " + name + " does not describe itself");
     for (std::uint32_t c = 0; c < p.description.camera_count; ++c) {
       int index = -1;
       for (std::size_t i = 0; i < robot.cameras.size(); ++i) {
@@ -61,11 +65,14 @@ DriverHost::Place DriverHost::find(const std::string& joint) const {
     const wb_description& d = plugins_[p]->description;
     for (std::uint32_t j = 0; j < d.joint_count; ++j) {
       if (joint != d.joints[j].name) continue;
-      if (place.plugin >= 0) throw std::runtime_error("joint " + joint + " of robot " + robot_.name + " has two drivers");
+      if (place.plugin >= 0)
+        throw std::runtime_error("joint " + joint + " of robot " + robot_.name +
+                                 " has two drivers");
       place = {static_cast<int>(p), static_cast<int>(j)};
     }
   }
-  if (place.plugin < 0) throw std::runtime_error("joint " + joint + " of robot " + robot_.name + " has no driver");
+  if (place.plugin < 0)
+    throw std::runtime_error("joint " + joint + " of robot " + robot_.name + " has no driver");
   return place;
 }
 
@@ -175,7 +182,8 @@ bool DriverHost::next_frame(DepthFrame& frame) {
       frame.camera = camera;
       frame.t_ns = f.t_ns;
       frame.intrinsics = robot_.cameras[camera].intrinsics;
-      const std::size_t pixels = static_cast<std::size_t>(frame.intrinsics.width) * frame.intrinsics.height;
+      const std::size_t pixels =
+          static_cast<std::size_t>(frame.intrinsics.width) * frame.intrinsics.height;
       frame.depth.assign(f.depth, f.depth + pixels);
       if (f.colour) {
         frame.colour.assign(f.colour, f.colour + 3 * pixels);

@@ -1,5 +1,6 @@
-// Loads driver plugins, maps their joints and sensors to the robot's order, and runs their life cycle.
-// Constructor, activate, deactivate: setup world. read, write, advance: ports, control thread. next_frame: one other thread.
+// Loads driver plugins, maps their joints and sensors to the robot's order, and runs their life
+// cycle. Constructor, activate, deactivate: setup world. read, write, advance: ports, control
+// thread. next_frame: one other thread.
 #pragma once
 #include <filesystem>
 #include <functional>
@@ -18,20 +19,22 @@ namespace wb {
 
 struct PluginSpec {
   std::filesystem::path library;
-  std::string config;                   // text of its YAML section
-  std::filesystem::path folder;         // what file names in it are relative to
+  std::string config;            // text of its YAML section
+  std::filesystem::path folder;  // what file names in it are relative to
 };
 
 class DriverHost {
  public:
   using Log = std::function<void(wb_log_level, const std::string&)>;
 
-  // Loads and configures; the drives stay inactive. Throws std::runtime_error naming plugin and cause (another ABI number, a joint of
-  // the robot that no plugin drives or two do, a failed create).
+  // Loads and configures; the drives stay inactive. Throws std::runtime_error naming plugin and
+  // cause (another ABI number, a joint of the robot that no plugin drives or two do, a failed
+  // create).
   DriverHost(const RobotConfig& robot, const std::vector<PluginSpec>& plugins, Log log);
   ~DriverHost();
 
-  // All plugins active, or none and false. Joints hold, wheels brake when commands cease for command_timeout_ns.
+  // All plugins active, or none and false. Joints hold, wheels brake when commands cease for
+  // command_timeout_ns.
   bool activate(TimeNs command_timeout_ns);
   void deactivate();
   bool active() const { return active_; }
@@ -41,7 +44,8 @@ class DriverHost {
   bool can_step() const;
   void advance(TimeNs t) RT_SAFE;
 
-  // Copies the oldest waiting frame of any camera into `frame` (storage allocated before); false: none. Ordinary thread.
+  // Copies the oldest waiting frame of any camera into `frame` (storage allocated before); false:
+  // none. Ordinary thread.
   bool next_frame(DepthFrame& frame);
 
   const wb_driver_api* api(int plugin) const { return plugins_[plugin]->api; }
@@ -54,7 +58,7 @@ class DriverHost {
     const wb_driver_api* api = nullptr;
     wb_driver* driver = nullptr;
     wb_description description{};
-    std::vector<int> cameras;           // description's camera -> robot's camera, -1: not used
+    std::vector<int> cameras;  // description's camera -> robot's camera, -1: not used
     wb_readings readings{};
     wb_commands commands{};
     ~Plugin();

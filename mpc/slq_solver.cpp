@@ -147,9 +147,10 @@ void SlqSolver::Workspace::shift(const Policy& from_policy, const SolveInput& in
   const TimeNs end = from_policy.t[from_policy.nodes - 1];
   for (int i = 0; i < count; ++i) {
     const int from = std::min(node_at(from_policy, t[i]), from_policy.nodes - 2);
-    const double s = std::clamp(static_cast<double>(t[i] - from_policy.t[from]) /
-                                    static_cast<double>(from_policy.t[from + 1] - from_policy.t[from]),
-                                0.0, 1.0);
+    const double s =
+        std::clamp(static_cast<double>(t[i] - from_policy.t[from]) /
+                       static_cast<double>(from_policy.t[from + 1] - from_policy.t[from]),
+                   0.0, 1.0);
     for (int r = 0; r < nx; ++r) {
       shifted.x(i)[r] = (1.0 - s) * from_policy.x(from)[r] + s * from_policy.x(from + 1)[r];
     }
@@ -242,11 +243,13 @@ bool SlqSolver::Workspace::linearise_warm_start(const SolveInput& input) noexcep
   return std::isfinite(now->cost);
 }
 
-// Linearises about the better warm start of the two: the last policy shifted, or the guess. A line search never leaves
-// the valley that it starts in; a guess that follows the reference leads out of one that the reference has left.
+// Linearises about the better warm start of the two: the last policy shifted, or the guess. A line
+// search never leaves the valley that it starts in; a guess that follows the reference leads out of
+// one that the reference has left.
 bool SlqSolver::Workspace::start(const SolveInput& input) noexcept {
   double guessed = std::numeric_limits<double>::infinity();
-  const bool have_guess = input.guess && input.guess->nodes > 1 && input.guess->states == problem->nx() &&
+  const bool have_guess = input.guess && input.guess->nodes > 1 &&
+                          input.guess->states == problem->nx() &&
                           input.guess->inputs == problem->nu();
   if (have_guess) {
     shift(*input.guess, input);

@@ -51,7 +51,8 @@ double BaseRoute::clearance(const Eigen::Vector2d& p) const RT_SAFE {
   return clearance_[j * nx_ + i];
 }
 
-bool BaseRoute::clear_line(const Eigen::Vector2d& a, const Eigen::Vector2d& b, double needed) const RT_SAFE {
+bool BaseRoute::clear_line(const Eigen::Vector2d& a, const Eigen::Vector2d& b,
+                           double needed) const RT_SAFE {
   const int steps = std::max(1, static_cast<int>((b - a).norm() / (0.5 * resolution_)));
   for (int s = 0; s <= steps; ++s) {
     if (clearance(a + (b - a) * (static_cast<double>(s) / steps)) < needed) return false;
@@ -59,8 +60,9 @@ bool BaseRoute::clear_line(const Eigen::Vector2d& a, const Eigen::Vector2d& b, d
   return true;
 }
 
-// Dijkstra from the goal outwards, so that next_[cell] leads there; stops when the start is settled. Cells nearer to obstacles than the
-// robot's circle are not forbidden but dear: a robot that stands too close must find its way out.
+// Dijkstra from the goal outwards, so that next_[cell] leads there; stops when the start is
+// settled. Cells nearer to obstacles than the robot's circle are not forbidden but dear: a robot
+// that stands too close must find its way out.
 void BaseRoute::search(const Eigen::Vector2d& from, const Eigen::Vector2d& to) RT_SAFE {
   waypoints_ = 0;
   waypoint_[waypoints_++] = from;
@@ -139,7 +141,8 @@ void BaseRoute::search(const Eigen::Vector2d& from, const Eigen::Vector2d& to) R
 
   // Pull the string: from each way point to the farthest cell in clear sight.
   const auto centre = [&](int c) {
-    return Eigen::Vector2d(origin_.x() + (c % nx_ + 0.5) * resolution_, origin_.y() + (c / nx_ + 0.5) * resolution_);
+    return Eigen::Vector2d(origin_.x() + (c % nx_ + 0.5) * resolution_,
+                           origin_.y() + (c / nx_ + 0.5) * resolution_);
   };
   Eigen::Vector2d at = from;
   int c = start;
@@ -149,7 +152,8 @@ void BaseRoute::search(const Eigen::Vector2d& from, const Eigen::Vector2d& to) R
     for (int n = farthest; n >= 0; n = next_[n]) {
       least = std::min<double>(least, clearance_[n]);
       // A short cut may not be tighter than the way it replaces, nor than the robot is wide.
-      if (!clear_line(at, centre(n), std::max(radius_m_, std::min(least, comfort_m_)) - 1e-6)) break;
+      if (!clear_line(at, centre(n), std::max(radius_m_, std::min(least, comfort_m_)) - 1e-6))
+        break;
       farthest = n;
       if (n == goal) break;
     }
@@ -160,13 +164,17 @@ void BaseRoute::search(const Eigen::Vector2d& from, const Eigen::Vector2d& to) R
   waypoint_[waypoints_++] = to;
 }
 
-void BaseRoute::follow(TimeNs t0, std::array<double, 3> pose, std::array<double, 2> velocity, Reference& ref) const RT_SAFE {
+void BaseRoute::follow(TimeNs t0, std::array<double, 3> pose, std::array<double, 2> velocity,
+                       Reference& ref) const RT_SAFE {
   constexpr double kStep = 0.02;        // s, simulation
   constexpr int kStepsPerKeyframe = 5;  // 0.1 s
-  const double v_max = speed_factor_ * base_.velocity_max, w_max = speed_factor_ * base_.yaw_rate_max;
-  const double a_max = 0.7 * base_.acceleration_max, b_max = 0.7 * base_.yaw_acceleration_max;  // the MPC needs some of it
+  const double v_max = speed_factor_ * base_.velocity_max,
+               w_max = speed_factor_ * base_.yaw_rate_max;
+  const double a_max = 0.7 * base_.acceleration_max,
+               b_max = 0.7 * base_.yaw_acceleration_max;  // the MPC needs some of it
   const Eigen::Vector2d goal = waypoint_[waypoints_ - 1];
-  // A base that stopped a little off the goal turns on the spot; it does not set out again for the rest.
+  // A base that stopped a little off the goal turns on the spot; it does not set out again for the
+  // rest.
   constexpr double kClose = 0.05, kArrived = 0.10;
   const bool arrived = (goal - Eigen::Vector2d(pose[0], pose[1])).norm() < kArrived;
   int segment = 0;
@@ -204,7 +212,8 @@ void BaseRoute::follow(TimeNs t0, std::array<double, 3> pose, std::array<double,
     if (left > (arrived ? kArrived : kClose)) {
       double bearing = wrap(std::atan2(target.y() - p.y(), target.x() - p.x()) - pose[2]);
       double sign = 1.0;
-      if (left < reverse_m_ && std::abs(bearing) > M_PI / 2) {  // a short way back is driven backwards
+      if (left < reverse_m_ &&
+          std::abs(bearing) > M_PI / 2) {  // a short way back is driven backwards
         bearing = wrap(bearing - M_PI);
         sign = -1.0;
       }
@@ -215,7 +224,8 @@ void BaseRoute::follow(TimeNs t0, std::array<double, 3> pose, std::array<double,
     } else {
       // What lies ahead or behind is made good during the turn; what lies aside stays.
       const double along = (goal - p).dot(Eigen::Vector2d(std::cos(pose[2]), std::sin(pose[2])));
-      v_wish = std::copysign(std::min(std::sqrt(2 * a_max * std::abs(along)), 4.0 * std::abs(along)), along);
+      v_wish = std::copysign(
+          std::min(std::sqrt(2 * a_max * std::abs(along)), 4.0 * std::abs(along)), along);
       const double turn = wrap(ref.base_goal[2] - pose[2]);
       w_wish = std::copysign(std::min(w_max, std::sqrt(2 * b_max * std::abs(turn))), turn);
       if (std::abs(turn) < 0.01) w_wish = turn;
@@ -229,8 +239,9 @@ void BaseRoute::follow(TimeNs t0, std::array<double, 3> pose, std::array<double,
   }
 }
 
-void BaseRoute::plan(TimeNs t0, const std::array<double, 3>& start, const std::array<double, 2>& velocity,
-                     const DistanceField* field, Reference& reference) RT_SAFE {
+void BaseRoute::plan(TimeNs t0, const std::array<double, 3>& start,
+                     const std::array<double, 2>& velocity, const DistanceField* field,
+                     Reference& reference) RT_SAFE {
   if (field && !field->empty() && (field->seq != field_seq_ || !have_map_)) flatten(*field);
   search({start[0], start[1]}, {reference.base_goal[0], reference.base_goal[1]});
   follow(t0, start, velocity, reference);

@@ -1,7 +1,8 @@
-// Route of a differential-drive base to a goal pose: shortest clear path on a horizontal slice of the distance field, smoothed, then
-// followed by a simulated unicycle within the base's limits, which gives timed keyframes that the MPC can track.
-// MPC loop, step world: fixed storage, bounded work, no allocation. Frame W, SI.
-// Source: Dijkstra 1959; Coulter 1992 (pure pursuit). Why the MPC needs it: docs/decisions/0001-base-route.md.
+// Route of a differential-drive base to a goal pose: shortest clear path on a horizontal slice of
+// the distance field, smoothed, then followed by a simulated unicycle within the base's limits,
+// which gives timed keyframes that the MPC can track. MPC loop, step world: fixed storage, bounded
+// work, no allocation. Frame W, SI. Source: Dijkstra 1959; Coulter 1992 (pure pursuit). Why the MPC
+// needs it: docs/decisions/0001-base-route.md.
 #pragma once
 #include <array>
 #include <vector>
@@ -18,10 +19,11 @@ class BaseRoute {
  public:
   BaseRoute(const BaseConfig& base, const config::Section& section);
 
-  // Fills reference.base with the route from `start` (x, y, yaw; velocities v, w) to reference.base_goal, beginning at t0.
-  // Without a map, or where no clear path is known, the route leads straight.
-  void plan(TimeNs t0, const std::array<double, 3>& start, const std::array<double, 2>& velocity, const DistanceField* field,
-            Reference& reference) RT_SAFE;
+  // Fills reference.base with the route from `start` (x, y, yaw; velocities v, w) to
+  // reference.base_goal, beginning at t0. Without a map, or where no clear path is known, the route
+  // leads straight.
+  void plan(TimeNs t0, const std::array<double, 3>& start, const std::array<double, 2>& velocity,
+            const DistanceField* field, Reference& reference) RT_SAFE;
 
   // Way points of the last plan, for views and tests.
   int waypoint_count() const { return waypoints_; }
@@ -31,14 +33,17 @@ class BaseRoute {
   static constexpr int kMaxCells = 128 * 128;
   static constexpr int kMaxWaypoints = 256;
 
-  void flatten(const DistanceField& field) RT_SAFE;                       // clearance of each column, once for each field
+  void flatten(
+      const DistanceField& field) RT_SAFE;  // clearance of each column, once for each field
   double clearance(const Eigen::Vector2d& p) const RT_SAFE;
   bool clear_line(const Eigen::Vector2d& a, const Eigen::Vector2d& b, double needed) const RT_SAFE;
   void search(const Eigen::Vector2d& from, const Eigen::Vector2d& to) RT_SAFE;
-  void follow(TimeNs t0, std::array<double, 3> pose, std::array<double, 2> velocity, Reference& reference) const RT_SAFE;
+  void follow(TimeNs t0, std::array<double, 3> pose, std::array<double, 2> velocity,
+              Reference& reference) const RT_SAFE;
 
   BaseConfig base_;
-  double radius_m_, comfort_m_, comfort_weight_, low_m_, high_m_, lookahead_m_, reverse_m_, speed_factor_;
+  double radius_m_, comfort_m_, comfort_weight_, low_m_, high_m_, lookahead_m_, reverse_m_,
+      speed_factor_;
 
   // Slice of the map: nx * ny cells.
   std::uint64_t field_seq_ = 0;

@@ -4,11 +4,13 @@
 
 namespace wb {
 
-MotionPlanner::MotionPlanner(std::shared_ptr<const RobotModel> model, const std::vector<std::string>& disabled_terms)
+MotionPlanner::MotionPlanner(std::shared_ptr<const RobotModel> model,
+                             const std::vector<std::string>& disabled_terms)
     : model_(std::move(model)),
       problem_(std::make_shared<OptimalControlProblem>(model_, disabled_terms)),
       solver_(problem_),
-      route_(model_->config().base, config::Section::open(model_->config().folder / "route.yaml")) {}
+      route_(model_->config().base, config::Section::open(model_->config().folder / "route.yaml")) {
+}
 
 void MotionPlanner::guess_from_route(const std::array<double, kMaxStates>& x0) RT_SAFE {
   const int joints = model_->joints();
@@ -25,25 +27,32 @@ void MotionPlanner::guess_from_route(const std::array<double, kMaxStates>& x0) R
     if (i + 1 == guess_.nodes) break;
     const BaseKeyframe& next = reference_.base[i + 1];
     const double dt = to_seconds(next.t_ns - k.t_ns), heading = 0.5 * (k.base[2] + next.base[2]);
-    guess_.u(i)[0] = ((next.base[0] - k.base[0]) * std::cos(heading) + (next.base[1] - k.base[1]) * std::sin(heading)) / dt;
+    guess_.u(i)[0] = ((next.base[0] - k.base[0]) * std::cos(heading) +
+                      (next.base[1] - k.base[1]) * std::sin(heading)) /
+                     dt;
     guess_.u(i)[1] = (next.base[2] - k.base[2]) / dt;
   }
 }
 
-SolveStatus MotionPlanner::step(const RobotState& state, const Reference& reference, const DistanceField* field, Policy& policy,
+SolveStatus MotionPlanner::step(const RobotState& state, const Reference& reference,
+                                const DistanceField* field, Policy& policy,
                                 SolveReport& report) RT_SAFE {
   reference_ = reference;
-  if (model_->base_dof() == 3 && reference_.base_goal_active) route_.plan(state.t_ns, state.base, state.base_velocity, field, reference_);
-  // The arm's part of x0 is where the servos' set-points stand: the policy moves set-points, and the servo follows them.
+  if (model_->base_dof() == 3 && reference_.base_goal_active)
+    route_.plan(state.t_ns, state.base, state.base_velocity, field, reference_);
+  // The arm's part of x0 is where the servos' set-points stand: the policy moves set-points, and
+  // the servo follows them.
   std::array<double, kMaxStates> x0{};
   const int base = model_->base_dof();
   for (int i = 0; i < base; ++i) x0[i] = state.base[i];
   for (int i = 0; i < model_->joints(); ++i) x0[base + i] = state.q_command[i];
-  // Following the route is a warm start, too: the solver takes it when its own has strayed into a worse valley.
-  const bool routed = model_->base_dof() == 3 && reference_.base_goal_active && reference_.base_count > 1;
+  // Following the route is a warm start, too: the solver takes it when its own has strayed into a
+  // worse valley.
+  const bool routed =
+      model_->base_dof() == 3 && reference_.base_goal_active && reference_.base_count > 1;
   if (routed) guess_from_route(x0);
-  const SolveStatus status =
-      solver_.solve({state.t_ns, x0.data(), &reference_, field, routed ? &guess_ : nullptr}, policy, report);
+  const SolveStatus status = solver_.solve(
+      {state.t_ns, x0.data(), &reference_, field, routed ? &guess_ : nullptr}, policy, report);
   policy.reference_seq = reference.seq;
   policy.field_seq = field ? field->seq : 0;
   return status;

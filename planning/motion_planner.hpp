@@ -1,5 +1,5 @@
-// The MPC loop's step: base route where the reference asks for one, then one SLQ iteration. 30 Hz, step world.
-// Input: newest RobotState, Reference and DistanceField; output: Policy. Frame W, SI.
+// The MPC loop's step: base route where the reference asks for one, then one SLQ iteration. 30 Hz,
+// step world. Input: newest RobotState, Reference and DistanceField; output: Policy. Frame W, SI.
 #pragma once
 #include <memory>
 
@@ -11,16 +11,19 @@ namespace wb {
 
 class MotionPlanner {
  public:
-  // Reads robot_folder/mpc.yaml and route.yaml. `disabled_terms`: names of MPC terms to leave out (studies only).
-  MotionPlanner(std::shared_ptr<const RobotModel> model, const std::vector<std::string>& disabled_terms = {});
+  // Reads robot_folder/mpc.yaml and route.yaml. `disabled_terms`: names of MPC terms to leave out
+  // (studies only).
+  MotionPlanner(std::shared_ptr<const RobotModel> model,
+                const std::vector<std::string>& disabled_terms = {});
 
-  [[nodiscard]] SolveStatus step(const RobotState& state, const Reference& reference, const DistanceField* field, Policy& policy,
+  [[nodiscard]] SolveStatus step(const RobotState& state, const Reference& reference,
+                                 const DistanceField* field, Policy& policy,
                                  SolveReport& report) RT_SAFE;
 
   // Forgets the warm start: call before the first step after control did not follow the policy.
   void reset() RT_SAFE { solver_.reset(); }
 
-  const Reference& expanded_reference() const { return reference_; }   // with the route, for views
+  const Reference& expanded_reference() const { return reference_; }  // with the route, for views
   const OptimalControlProblem& problem() const { return *problem_; }
 
  private:
@@ -31,7 +34,7 @@ class MotionPlanner {
   SlqSolver solver_;
   BaseRoute route_;
   Reference reference_;
-  Policy guess_;   // inputs that follow the route, arm at rest
+  Policy guess_;  // inputs that follow the route, arm at rest
 };
 
 }  // namespace wb

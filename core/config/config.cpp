@@ -42,20 +42,27 @@ std::string where(const std::filesystem::path& file, const YAML::Node& node) {
   return out.str();
 }
 
-std::string scalar(const YAML::Node& node) { return node.IsScalar() ? node.Scalar() : "not a single value"; }
+std::string scalar(const YAML::Node& node) {
+  return node.IsScalar() ? node.Scalar() : "not a single value";
+}
 
 }  // namespace
 
 Section::Section(std::filesystem::path file, std::string name, YAML::Node node)
-    : file_(std::move(file)), name_(std::move(name)), node_(std::move(node)), read_(std::make_shared<std::set<std::string>>()) {
+    : file_(std::move(file)),
+      name_(std::move(name)),
+      node_(std::move(node)),
+      read_(std::make_shared<std::set<std::string>>()) {
   if (!node_.IsMap()) {
-    throw ConfigError(where(file_, node_) + ": " + (name_.empty() ? "the file" : "'" + name_ + "'") +
+    throw ConfigError(where(file_, node_) + ": " +
+                      (name_.empty() ? "the file" : "'" + name_ + "'") +
                       " must be a mapping of keys to values");
   }
   std::set<std::string> seen;
   for (const auto& entry : node_) {
     if (!seen.insert(entry.first.Scalar()).second) {
-      throw ConfigError(where(file_, entry.first) + ": key '" + entry.first.Scalar() + "' stands twice");
+      throw ConfigError(where(file_, entry.first) + ": key '" + entry.first.Scalar() +
+                        "' stands twice");
     }
   }
 }
@@ -78,7 +85,8 @@ Section Section::parse(const std::string& text, const std::string& name) {
 
 void Section::fail(const std::string& key, const std::string& message) const {
   const YAML::Node n = node_[key];
-  throw ConfigError(where(file_, n.IsDefined() ? n : node_) + ": '" + (name_.empty() ? key : name_ + "." + key) + "' " + message);
+  throw ConfigError(where(file_, n.IsDefined() ? n : node_) + ": '" +
+                    (name_.empty() ? key : name_ + "." + key) + "' " + message);
 }
 
 YAML::Node Section::find(const std::string& key) const {
@@ -112,7 +120,9 @@ double Section::convert(const YAML::Node& n, const std::string& key, Range range
 
 bool Section::has(const std::string& key) const { return node_[key].IsDefined(); }
 bool Section::is_scalar(const std::string& key) const { return has(key) && node_[key].IsScalar(); }
-double Section::number(const std::string& key, Range range) const { return convert(find(key), key, range); }
+double Section::number(const std::string& key, Range range) const {
+  return convert(find(key), key, range);
+}
 double Section::number_or(const std::string& key, double otherwise, Range range) const {
   read_->insert(key);
   return has(key) ? number(key, range) : otherwise;
@@ -153,7 +163,8 @@ std::string Section::one_of(const std::string& key, const std::vector<std::strin
     std::string list;
     for (const std::string& a : allowed) list += (list.empty() ? "" : ", ") + a;
     const std::string guess = closest(value, allowed);
-    fail(key, "is '" + value + "', allowed: " + list + (guess.empty() ? "" : "; did you mean '" + guess + "'?"));
+    fail(key, "is '" + value + "', allowed: " + list +
+                  (guess.empty() ? "" : "; did you mean '" + guess + "'?"));
   }
   return value;
 }
@@ -207,7 +218,8 @@ std::vector<Section> Section::sections(const std::string& key) const {
   if (!n.IsSequence()) fail(key, "must be a list of mappings");
   std::vector<Section> out;
   for (std::size_t i = 0; i < n.size(); ++i) {
-    out.push_back({file_, (name_.empty() ? key : name_ + "." + key) + "[" + std::to_string(i) + "]", n[i]});
+    out.push_back(
+        {file_, (name_.empty() ? key : name_ + "." + key) + "[" + std::to_string(i) + "]", n[i]});
   }
   return out;
 }
@@ -235,7 +247,8 @@ void Section::finish() const {
     const std::string key = entry.first.Scalar();
     if (read_->contains(key)) continue;
     const std::string guess = closest(key, {read_->begin(), read_->end()});
-    throw ConfigError(where(file_, entry.first) + ": unknown key '" + (name_.empty() ? key : name_ + "." + key) + "'" +
+    throw ConfigError(where(file_, entry.first) + ": unknown key '" +
+                      (name_.empty() ? key : name_ + "." + key) + "'" +
                       (guess.empty() ? "" : "; did you mean '" + guess + "'?"));
   }
 }

@@ -1,5 +1,6 @@
-// Strict YAML loader. Setup world: throws ConfigError naming file, line, key, value and what was allowed.
-// Every key of a section must be read before finish() is called on it; an unread key is an error with a "did you mean".
+// Strict YAML loader. Setup world: throws ConfigError naming file, line, key, value and what was
+// allowed. Every key of a section must be read before finish() is called on it; an unread key is an
+// error with a "did you mean".
 #pragma once
 #include <yaml-cpp/yaml.h>
 
@@ -51,8 +52,9 @@ class Section {
   std::vector<std::string> texts(const std::string& key) const;
   std::vector<std::array<std::string, 2>> text_pairs(const std::string& key) const;
   Section section(const std::string& key) const;
-  std::vector<Section> sections(const std::string& key) const;   // a sequence of mappings
-  std::string block(const std::string& key) const;              // a mapping as YAML text, for whoever reads it (a plugin)
+  std::vector<Section> sections(const std::string& key) const;  // a sequence of mappings
+  std::string block(
+      const std::string& key) const;  // a mapping as YAML text, for whoever reads it (a plugin)
   std::vector<std::string> keys() const;
 
   // A file named by a key, relative to this file's folder; must exist.

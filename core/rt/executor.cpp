@@ -27,16 +27,19 @@ TimeNs timed(LoopCounters& s, F&& f) {
   return spent;
 }
 
-// Until the first releases are counted from: long enough for every thread to be there with its priority.
+// Until the first releases are counted from: long enough for every thread to be there with its
+// priority.
 constexpr TimeNs kGather_ns = 20'000'000;
 
 }  // namespace
 
 TimeNs release_time(std::uint64_t k, double rate_hz) {
-  return static_cast<TimeNs>(std::ceil(static_cast<long double>(k) * 1e9L / static_cast<long double>(rate_hz)));
+  return static_cast<TimeNs>(
+      std::ceil(static_cast<long double>(k) * 1e9L / static_cast<long double>(rate_hz)));
 }
 
-Lockstep::Lockstep(std::function<void(TimeNs)> advance_plant) : advance_plant_(std::move(advance_plant)) {}
+Lockstep::Lockstep(std::function<void(TimeNs)> advance_plant)
+    : advance_plant_(std::move(advance_plant)) {}
 
 void Lockstep::add(Loop loop) {
   if (!(loop.rate_hz > 0)) throw std::invalid_argument("loop '" + loop.name + "' needs a rate");
@@ -77,7 +80,8 @@ TimeNs RealTime::monotonic() { return read_clock(CLOCK_MONOTONIC); }
 
 void RealTime::add(Loop loop) {
   if (!(loop.rate_hz > 0)) throw std::invalid_argument("loop '" + loop.name + "' needs a rate");
-  entries_.push_back(std::make_unique<Entry>(Entry{std::move(loop), std::make_unique<LoopCounters>(), {}}));
+  entries_.push_back(
+      std::make_unique<Entry>(Entry{std::move(loop), std::make_unique<LoopCounters>(), {}}));
 }
 
 std::vector<std::string> RealTime::start() {
@@ -90,7 +94,8 @@ std::vector<std::string> RealTime::start() {
     if (e->loop.priority > 0) {
       sched_param param{};
       param.sched_priority = e->loop.priority;
-      if (pthread_setschedparam(e->thread.native_handle(), SCHED_FIFO, &param) != 0) refused.push_back(e->loop.name);
+      if (pthread_setschedparam(e->thread.native_handle(), SCHED_FIFO, &param) != 0)
+        refused.push_back(e->loop.name);
     }
   }
   return refused;
@@ -112,7 +117,8 @@ void RealTime::run(Entry& e, TimeNs start) {
       e.loop.step(woken - epoch_);
       if (e.loop.deliver) e.loop.deliver();
     }));
-    // The next release still ahead of us; those that passed meanwhile are skipped and counted, never run in a burst.
+    // The next release still ahead of us; those that passed meanwhile are skipped and counted,
+    // never run in a burst.
     const TimeNs done = monotonic();
     std::uint64_t skipped = 0;
     for (++k; start + release_time(k, e.loop.rate_hz) <= done; ++k) ++skipped;

@@ -1,7 +1,9 @@
-// Latest<T, Readers>: one writer, newest value wins, wait-free on both sides; a value stays pinned while a reader uses it.
-// Any threads; slots are allocated at construction. Each reader has a mailbox of one slot index. Publishing exchanges the new
-// index into every mailbox; reading exchanges the mailbox for "empty". What an exchange returns tells the writer exactly which
-// slot each reader holds: at most one each, plus the newest, plus the one being written: Readers + 2 slots always suffice.
+// Latest<T, Readers>: one writer, newest value wins, wait-free on both sides; a value stays pinned
+// while a reader uses it. Any threads; slots are allocated at construction. Each reader has a
+// mailbox of one slot index. Publishing exchanges the new index into every mailbox; reading
+// exchanges the mailbox for "empty". What an exchange returns tells the writer exactly which slot
+// each reader holds: at most one each, plus the newest, plus the one being written: Readers + 2
+// slots always suffice.
 #pragma once
 #include <array>
 #include <atomic>
@@ -18,16 +20,19 @@ class Latest {
   static constexpr int kSlots = Readers + 2;
 
   Latest() : Latest(T{}) {}
-  // Slots are copies of the prototype, so that values with storage of their own are allocated here and never later.
+  // Slots are copies of the prototype, so that values with storage of their own are allocated here
+  // and never later.
   explicit Latest(const T& prototype) {
     for (auto& slot : slots_) slot = std::make_unique<T>(prototype);
     held_.fill(kEmpty);
   }
 
-  // Writer: the slot to fill; stays the same until publish(). Its contents are those of some older value.
+  // Writer: the slot to fill; stays the same until publish(). Its contents are those of some older
+  // value.
   T& writing() RT_SAFE { return *slots_[writing_]; }
 
-  // Writer: makes the slot the newest value, numbers it (T::seq = 1, 2, ...), and picks a free slot for the next.
+  // Writer: makes the slot the newest value, numbers it (T::seq = 1, 2, ...), and picks a free slot
+  // for the next.
   std::uint64_t publish() RT_SAFE {
     slots_[writing_]->seq = ++seq_;
     for (int r = 0; r < Readers; ++r) {
@@ -49,7 +54,8 @@ class Latest {
     return seq_;
   }
 
-  // Reader r: the newest value, or null before the first. It stays valid and unchanged until reader r's next call.
+  // Reader r: the newest value, or null before the first. It stays valid and unchanged until reader
+  // r's next call.
   const T* read(int r = 0) RT_SAFE {
     const int taken = mailbox_[r].exchange(kEmpty, std::memory_order_acq_rel);
     if (taken != kEmpty) reading_[r] = taken;
@@ -65,7 +71,9 @@ class Latest {
   }
   struct Mailbox {
     alignas(64) std::atomic<int> index{kEmpty};
-    int exchange(int value, std::memory_order order) noexcept { return index.exchange(value, order); }
+    int exchange(int value, std::memory_order order) noexcept {
+      return index.exchange(value, order);
+    }
   };
 
   std::array<std::unique_ptr<T>, kSlots> slots_;

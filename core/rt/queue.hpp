@@ -1,5 +1,6 @@
-// Queue<T, N>: bounded, lock-free, one writer, one reader; what does not fit is dropped and counted, never waited for.
-// Any two threads; N slots are allocated at construction. Large values are filled and read in place (begin_push, front).
+// Queue<T, N>: bounded, lock-free, one writer, one reader; what does not fit is dropped and
+// counted, never waited for. Any two threads; N slots are allocated at construction. Large values
+// are filled and read in place (begin_push, front).
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -17,7 +18,8 @@ class Queue {
   Queue(const Queue&) = delete;
   Queue& operator=(const Queue&) = delete;
 
-  // Writer. begin_push() returns the slot to fill, or null (counted as a drop) when the queue is full; end_push() hands it over.
+  // Writer. begin_push() returns the slot to fill, or null (counted as a drop) when the queue is
+  // full; end_push() hands it over.
   T* begin_push() RT_SAFE {
     const std::uint64_t head = head_.load(std::memory_order_relaxed);
     if (head - tail_.load(std::memory_order_acquire) >= N) {
@@ -26,7 +28,9 @@ class Queue {
     }
     return &slots_[head % N];
   }
-  void end_push() RT_SAFE { head_.store(head_.load(std::memory_order_relaxed) + 1, std::memory_order_release); }
+  void end_push() RT_SAFE {
+    head_.store(head_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
+  }
   bool push(const T& value) RT_SAFE {
     T* slot = begin_push();
     if (!slot) return false;
@@ -41,7 +45,9 @@ class Queue {
     if (head_.load(std::memory_order_acquire) - tail <= i) return nullptr;
     return &slots_[(tail + i) % N];
   }
-  void pop() RT_SAFE { tail_.store(tail_.load(std::memory_order_relaxed) + 1, std::memory_order_release); }
+  void pop() RT_SAFE {
+    tail_.store(tail_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
+  }
   bool pop(T& value) RT_SAFE {
     const T* front = peek();
     if (!front) return false;

@@ -1,4 +1,5 @@
-// RT_SAFE marks steps and ports: noexcept, and under the rtsan preset (clang) checked not to allocate, lock or call the kernel.
+// RT_SAFE marks steps and ports: noexcept, and under the rtsan preset (clang) checked not to
+// allocate, lock or call the kernel.
 #pragma once
 
 #if defined(__clang__) && defined(__has_cpp_attribute)

@@ -11,7 +11,8 @@ namespace wb {
 
 enum class CommandKind : std::uint8_t {
   kNone,       // no torque request: the plugin holds its time-out action
-  kImpedance,  // tau = stiffness (position - q) + damping (velocity - dq) + torque, clipped to the joint's limit
+  kImpedance,  // tau = stiffness (position - q) + damping (velocity - dq) + torque, clipped to the
+               // joint's limit
   kVelocity,   // velocity servo (wheels)
 };
 
@@ -25,8 +26,8 @@ struct JointCommand {
 };
 
 struct GripperCommand {
-  double opening_m = 0;   // target of the total opening
-  double force_n = 0;     // largest force per finger
+  double opening_m = 0;  // target of the total opening
+  double force_n = 0;    // largest force per finger
 };
 
 // A request to the gate: joints in robot.yaml's order.
@@ -40,13 +41,13 @@ struct Command {
 };
 
 enum class GateReason : std::uint8_t {
-  kNone,            // passed unchanged
-  kScaled,          // scaled along its path into the velocity or acceleration limits
-  kClipped,         // position or torque clipped into its limits
-  kNotFinite,       // fallback: the request held a NaN or infinity
-  kStale,           // fallback: the request was older than its memory
-  kWrongSize,       // fallback: joint counts differ from the robot's
-  kMode,            // fallback: the mode does not allow motion
+  kNone,       // passed unchanged
+  kScaled,     // scaled along its path into the velocity or acceleration limits
+  kClipped,    // position or torque clipped into its limits
+  kNotFinite,  // fallback: the request held a NaN or infinity
+  kStale,      // fallback: the request was older than its memory
+  kWrongSize,  // fallback: joint counts differ from the robot's
+  kMode,       // fallback: the mode does not allow motion
 };
 
 class SafeCommand {

@@ -6,10 +6,12 @@
 namespace wb {
 
 DistanceField::DistanceField(std::array<int, 3> size, double resolution)
-    : size_(size), resolution_(resolution),
+    : size_(size),
+      resolution_(resolution),
       values_(static_cast<std::size_t>(size[0]) * size[1] * size[2], static_cast<float>(kNoMap)) {}
 
-double DistanceField::distance(const Eigen::Vector3d& p_W, Eigen::Vector3d* gradient) const noexcept {
+double DistanceField::distance(const Eigen::Vector3d& p_W,
+                               Eigen::Vector3d* gradient) const noexcept {
   if (empty()) {
     if (gradient) gradient->setZero();
     return kNoMap;

@@ -1,4 +1,5 @@
-// FNV-1a over the values of a step's outputs, field by field so that padding never counts. "state_hash" of DEFINITIONS.md.
+// FNV-1a over the values of a step's outputs, field by field so that padding never counts.
+// "state_hash" of DEFINITIONS.md.
 #pragma once
 #include <cstdint>
 #include <cstring>
@@ -46,7 +47,7 @@ class StateHash {
     for (const double v : values) add(v);
   }
   template <class T>
-    requires std::is_arithmetic_v<T>
+  requires std::is_arithmetic_v<T>
   void add(T value) noexcept {
     unsigned char bytes[sizeof value];
     std::memcpy(bytes, &value, sizeof value);

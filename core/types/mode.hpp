@@ -15,31 +15,53 @@ enum class Mode : std::uint8_t {
 
 constexpr std::string_view to_string(Mode m) {
   switch (m) {
-    case Mode::kIdle: return "idle";
-    case Mode::kReady: return "ready";
-    case Mode::kActive: return "active";
-    case Mode::kHold: return "hold";
-    case Mode::kSettle: return "settle";
+    case Mode::kIdle:
+      return "idle";
+    case Mode::kReady:
+      return "ready";
+    case Mode::kActive:
+      return "active";
+    case Mode::kHold:
+      return "hold";
+    case Mode::kSettle:
+      return "settle";
   }
   return "?";
 }
 
 // Phases of opening an object, run by the TaskSequencer while the mode is Active.
 enum class Phase : std::uint8_t {
-  kNone, kApproach, kPreGrasp, kGrasp, kManipulate, kRelease, kRetreat, kDone, kFailed,
+  kNone,
+  kApproach,
+  kPreGrasp,
+  kGrasp,
+  kManipulate,
+  kRelease,
+  kRetreat,
+  kDone,
+  kFailed,
 };
 
 constexpr std::string_view to_string(Phase p) {
   switch (p) {
-    case Phase::kNone: return "none";
-    case Phase::kApproach: return "approach";
-    case Phase::kPreGrasp: return "pre-grasp";
-    case Phase::kGrasp: return "grasp";
-    case Phase::kManipulate: return "manipulate";
-    case Phase::kRelease: return "release";
-    case Phase::kRetreat: return "retreat";
-    case Phase::kDone: return "done";
-    case Phase::kFailed: return "failed";
+    case Phase::kNone:
+      return "none";
+    case Phase::kApproach:
+      return "approach";
+    case Phase::kPreGrasp:
+      return "pre-grasp";
+    case Phase::kGrasp:
+      return "grasp";
+    case Phase::kManipulate:
+      return "manipulate";
+    case Phase::kRelease:
+      return "release";
+    case Phase::kRetreat:
+      return "retreat";
+    case Phase::kDone:
+      return "done";
+    case Phase::kFailed:
+      return "failed";
   }
   return "?";
 }

@@ -12,7 +12,8 @@ struct Name {
   std::array<char, kMaxNameLength> text{};
 
   Name() = default;
-  // Truncates to kMaxNameLength - 1 characters; callers that must not lose any check the length first.
+  // Truncates to kMaxNameLength - 1 characters; callers that must not lose any check the length
+  // first.
   Name(std::string_view s) {  // NOLINT(google-explicit-constructor): a name is a string
     std::copy_n(s.begin(), std::min<std::size_t>(s.size(), text.size() - 1), text.begin());
   }

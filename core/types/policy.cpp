@@ -4,7 +4,8 @@
 
 namespace wb {
 
-bool Policy::evaluate(TimeNs now, const double* x_now, double* u_out, double* x_ref_out) const noexcept {
+bool Policy::evaluate(TimeNs now, const double* x_now, double* u_out,
+                      double* x_ref_out) const noexcept {
   Eigen::Map<Eigen::VectorXd> u_now(u_out, inputs), x_ref(x_ref_out, states);
   if (nodes < 2 || now >= t[nodes - 1]) {
     u_now.setZero();

@@ -1,5 +1,5 @@
-// Pose as it travels through the buffers: position p [m] and unit quaternion (x y z w), trivially copyable.
-// X_AB maps coordinates in B to coordinates in A (monogram notation).
+// Pose as it travels through the buffers: position p [m] and unit quaternion (x y z w), trivially
+// copyable. X_AB maps coordinates in B to coordinates in A (monogram notation).
 #pragma once
 #include <Eigen/Geometry>
 #include <array>

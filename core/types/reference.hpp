@@ -1,5 +1,6 @@
-// What the sequencer asks of the MPC: timed end-effector and base keyframes, posture, mask. Trivially copyable.
-// Between keyframes: linear position, spherical-linear rotation; before the first and after the last: held.
+// What the sequencer asks of the MPC: timed end-effector and base keyframes, posture, mask.
+// Trivially copyable. Between keyframes: linear position, spherical-linear rotation; before the
+// first and after the last: held.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -27,20 +28,21 @@ struct MaskBox {
   std::array<double, 3> half_extent{};  // m
 };
 
-inline constexpr int kMaxMasks = 2;     // the unit's carcass, and its moving part
+inline constexpr int kMaxMasks = 2;  // the unit's carcass, and its moving part
 
 struct Reference {
   std::uint64_t seq = 0;
   TimeNs t_ns = 0;
 
-  int ee_count = 0;                     // 0: no end-effector objective
+  int ee_count = 0;  // 0: no end-effector objective
   std::array<EndEffectorKeyframe, kMaxKeyframes> ee{};
-  double ee_position_scale = 1.0;       // multiplies the configured weight
+  double ee_position_scale = 1.0;  // multiplies the configured weight
   double ee_orientation_scale = 1.0;
 
-  bool base_goal_active = false;        // ask the base planner for a route to base_goal
-  std::array<double, 3> base_goal{};    // x, y [m], yaw [rad] in W
-  int base_count = 0;                   // route, filled by the MPC loop from base_goal (or by the sequencer); 0: none
+  bool base_goal_active = false;      // ask the base planner for a route to base_goal
+  std::array<double, 3> base_goal{};  // x, y [m], yaw [rad] in W
+  int base_count =
+      0;  // route, filled by the MPC loop from base_goal (or by the sequencer); 0: none
   std::array<BaseKeyframe, kMaxKeyframes> base{};
   double base_scale = 1.0;
 
@@ -48,7 +50,7 @@ struct Reference {
   std::array<double, kMaxJoints> posture{};  // preferred joint positions, rad or m
   double posture_scale = 1.0;
 
-  double speed_scale = 1.0;             // (0, 1]: multiplies velocity limits
+  double speed_scale = 1.0;  // (0, 1]: multiplies velocity limits
   std::array<MaskBox, kMaxMasks> masks{};
 };
 

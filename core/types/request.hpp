@@ -1,7 +1,7 @@
 // Operator requests, checked by the service before they are queued, and their acknowledgement.
 #pragma once
-#include <cstdint>
 #include <array>
+#include <cstdint>
 #include <string_view>
 
 #include "core/types/mode.hpp"
@@ -15,12 +15,12 @@ enum class RequestKind : std::uint8_t { kNone, kOpen, kStop, kReset, kMoveJoints
 struct Request {
   std::uint64_t id = 0;
   RequestKind kind = RequestKind::kNone;
-  TimeNs t_ns = 0;                         // when it entered the daemon
-  Name object;                             // kOpen
-  double opened_fraction = 0;              // kOpen: how far, of the joint's range; 0 = the object's default
-  int joint_count = 0;                     // kMoveJoints
-  std::array<double, kMaxJoints> q{};      // kMoveJoints: rad or m
-  std::array<double, 3> base{};            // kMoveBase: x, y [m], yaw [rad] in W
+  TimeNs t_ns = 0;             // when it entered the daemon
+  Name object;                 // kOpen
+  double opened_fraction = 0;  // kOpen: how far, of the joint's range; 0 = the object's default
+  int joint_count = 0;         // kMoveJoints
+  std::array<double, kMaxJoints> q{};  // kMoveJoints: rad or m
+  std::array<double, 3> base{};        // kMoveBase: x, y [m], yaw [rad] in W
 };
 
 // What became of a request; travels control -> service.
@@ -31,9 +31,9 @@ struct RequestStatus {
   RequestOutcome outcome = RequestOutcome::kRefused;
   Phase phase = Phase::kNone;
   TimeNs t_ns = 0;
-  double joint_value = 0;                  // the object's joint as estimated from the hand, rad or m
+  double joint_value = 0;  // the object's joint as estimated from the hand, rad or m
   double joint_range = 0;
-  Name reason;                             // why refused or failed, empty otherwise
+  Name reason;  // why refused or failed, empty otherwise
 };
 
 }  // namespace wb

@@ -1,4 +1,5 @@
-// The estimator's output: where the robot is at t_ns. Trivially copyable, frames W (odometry), B (base), E (hand).
+// The estimator's output: where the robot is at t_ns. Trivially copyable, frames W (odometry), B
+// (base), E (hand).
 #pragma once
 #include <array>
 #include <cstdint>
@@ -21,10 +22,12 @@ struct RobotState {
   std::array<double, kMaxJoints> q{};     // rad or m
   std::array<double, kMaxJoints> dq{};
   std::array<double, kMaxJoints> tau{};
-  std::array<double, kMaxJoints> q_command{};  // where the servos' set-points stand; the MPC plans from these
-  std::array<double, 6> wrench{};         // environment on hand at E in E [N, Nm], hand's own weight removed
-  std::array<double, 3> gyro{};           // rad/s in B, as read
-  std::array<double, 3> acceleration{};   // m/s^2 in B, specific force, as read
+  std::array<double, kMaxJoints>
+      q_command{};  // where the servos' set-points stand; the MPC plans from these
+  std::array<double, 6>
+      wrench{};                  // environment on hand at E in E [N, Nm], hand's own weight removed
+  std::array<double, 3> gyro{};  // rad/s in B, as read
+  std::array<double, 3> acceleration{};  // m/s^2 in B, specific force, as read
   double gripper_opening_m = 0;
   double gripper_force_n = 0;
 

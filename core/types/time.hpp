@@ -8,6 +8,8 @@ using TimeNs = std::int64_t;
 
 inline constexpr TimeNs kNanosPerSecond = 1'000'000'000;
 constexpr double to_seconds(TimeNs t) { return 1e-9 * static_cast<double>(t); }
-constexpr TimeNs from_seconds(double s) { return static_cast<TimeNs>(s * 1e9 + (s < 0 ? -0.5 : 0.5)); }
+constexpr TimeNs from_seconds(double s) {
+  return static_cast<TimeNs>(s * 1e9 + (s < 0 ? -0.5 : 0.5));
+}
 
 }  // namespace wb

@@ -1,6 +1,6 @@
 // The base follows Reference::base: 1/2 |position error|^2 and 1/2 (yaw error)^2, times base_scale.
-// Yaw is continuous from the robot's present one on, so its error is not wrapped: a plan that has turned the wrong way by more
-// than half a turn must be pulled back, not further round.
+// Yaw is continuous from the robot's present one on, so its error is not wrapped: a plan that has
+// turned the wrong way by more than half a turn must be pulled back, not further round.
 #include "mpc/terms/terms.hpp"
 
 namespace wb {

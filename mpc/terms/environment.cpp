@@ -1,8 +1,8 @@
 // The robot's spheres keep clear of the mapped obstacles: mu / 2 min(0, z - delta)^2 with z = d(p)
-// - radius - margin, d the distance field in W. Masked spheres may enter the unit being opened: they
-// ignore the field where a mask box explains it, that is, where the box is no further away than the
-// nearest obstacle, give or take a voxel's diagonal, which is as well as the map knows where a
-// surface is.
+// - radius - margin, d the distance field in W. Masked spheres may enter the unit being opened:
+// they ignore the field where a mask box explains it, that is, where the box is no further away
+// than the nearest obstacle, give or take a voxel's diagonal, which is as well as the map knows
+// where a surface is.
 #include <numbers>
 
 #include "mpc/terms/terms.hpp"

@@ -1,4 +1,5 @@
-// One star: every folder includes only core/ and itself; planning/ also mpc/; daemon/, tests/ and bench/ see everyone.
+// One star: every folder includes only core/ and itself; planning/ also mpc/; daemon/, tests/ and
+// bench/ see everyone.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -43,7 +44,8 @@ TEST(Layers, EveryFolderIncludesOnlyWhatTheStarAllows) {
 }
 
 TEST(Layers, OnlyTheSimulatorLinksThePhysics) {
-  for (const char* folder : {"core", "control", "mpc", "mapping", "perception", "planning", "daemon", "bench"}) {
+  for (const char* folder :
+       {"core", "control", "mpc", "mapping", "perception", "planning", "daemon", "bench"}) {
     for (const auto& entry : fs::recursive_directory_iterator(fs::path(WB_SOURCE_DIR) / folder)) {
       if (!entry.is_regular_file()) continue;
       std::ifstream in(entry.path());

@@ -20,10 +20,11 @@ TEST(Lockstep, RunsPlantThenDeliveriesThenLoopsInOrderOfAdding) {
   std::vector<std::string> log;
   Lockstep lockstep([&](TimeNs t) { log.push_back("plant " + std::to_string(t / 1'000'000)); });
   lockstep.add({"control", 100, 0, 0, [&](TimeNs) { log.push_back("control"); }, {}});
-  lockstep.add({"mpc", 50, 10'000'000, 0, [&](TimeNs) { log.push_back("mpc"); }, [&] { log.push_back("policy"); }});
+  lockstep.add({"mpc", 50, 10'000'000, 0, [&](TimeNs) { log.push_back("mpc"); },
+                [&] { log.push_back("policy"); }});
   for (int i = 0; i < 3; ++i) lockstep.run_next();
-  EXPECT_EQ(log, (std::vector<std::string>{"plant 0", "control", "mpc", "plant 10", "policy", "control", "plant 20", "control",
-                                           "mpc"}));
+  EXPECT_EQ(log, (std::vector<std::string>{"plant 0", "control", "mpc", "plant 10", "policy",
+                                           "control", "plant 20", "control", "mpc"}));
 }
 
 TEST(Lockstep, SkipsAndCountsReleasesWhileAResultIsOnTheWay) {
@@ -57,7 +58,10 @@ TEST(RealTime, MissedReleasesAreSkippedNotRunInABurst) {
   std::vector<TimeNs> times;
   std::atomic<int> cycles{0};
   RealTime executor;
-  executor.add({"late", 1000, 0, 0,
+  executor.add({"late",
+                1000,
+                0,
+                0,
                 [&](TimeNs now) {
                   times.push_back(now);
                   if (++cycles == 3) std::this_thread::sleep_for(std::chrono::milliseconds(20));

@@ -1,4 +1,5 @@
-// Latest under one writer and several readers: torn or released values would break the checksum or the order.
+// Latest under one writer and several readers: torn or released values would break the checksum or
+// the order.
 #include "core/rt/latest.hpp"
 
 #include <gtest/gtest.h>
@@ -56,7 +57,8 @@ TEST(Latest, WriterNeverGetsASlotThatAReaderHolds) {
   }
 }
 
-// The three regimes differ in who is faster: readers idle most of the time (overflowing), readers spinning (empty), both alike.
+// The three regimes differ in who is faster: readers idle most of the time (overflowing), readers
+// spinning (empty), both alike.
 void stress(int writer_pause, int reader_pause) {
   constexpr int kReaders = 3;
   constexpr std::uint64_t kValues = 10'000;
