@@ -20,6 +20,7 @@ struct RunOptions {
   std::string spawn = "random";                    // or {x_m, y_m, yaw_rad}
   std::string scene = "scenes/kitchen_line.yaml";  // in config/, or absolute
   std::vector<std::string> disabled_terms = {};
+  bool blind = false;  // the MPC loop gets no map
 };
 
 inline DaemonConfig run_config(const RunOptions& o) {
@@ -29,6 +30,7 @@ inline DaemonConfig run_config(const RunOptions& o) {
   c.drivers.at(0).config = "{robot: robots/mabi_mobile, scene: " + o.scene +
                            ", seed: " + std::to_string(o.seed) + ", spawn: " + o.spawn + "}";
   c.disabled_terms = o.disabled_terms;
+  c.blind = o.blind;
   return c;
 }
 
