@@ -264,10 +264,7 @@ void TaskSequencer::grasp(const TaskInput& in, Reference& ref) RT_SAFE {
   }
   if (to_seconds(in.t_ns - closing_since_) < grip_settle_s_) return;
   if (s.gripper_opening_m < 2 * plan_.handle_radius_m - closed_margin_m_) {
-    probing_ = true;
-    probe_from_ = X_WE_;
-    probe_since_ = in.t_ns;
-    probe_force_n_ = 0;
+    probe(in);
     return;
   }
   if (s.gripper_force_n < 0.5 * grip_force_n_)
@@ -281,6 +278,15 @@ void TaskSequencer::grasp(const TaskInput& in, Reference& ref) RT_SAFE {
       std::min(fraction * plan_.articulation.range, plan_.keyframe_value[plan_.keyframe_count - 1]);
   progress_t_ = in.t_ns;
   enter(Phase::kManipulate, in);
+}
+
+// The fingers closed beside the bar: pull a little and feel where it is.
+void TaskSequencer::probe(const TaskInput& in) RT_SAFE {
+  held_ = false;
+  closing_ = probing_ = true;
+  probe_from_ = X_WE_;
+  probe_since_ = in.t_ns;
+  probe_force_n_ = 0;
 }
 
 void TaskSequencer::manipulate(const TaskInput& in, Reference& ref) RT_SAFE {
@@ -309,6 +315,10 @@ void TaskSequencer::manipulate(const TaskInput& in, Reference& ref) RT_SAFE {
   if (direction.norm() > 1e-6) out_.free_direction_W = direction.normalized();
 
   if (s.gripper_opening_m < 2 * plan_.handle_radius_m - closed_margin_m_) {
+    if (to_seconds(in.t_ns - phase_start_) < grip_settle_s_) {  // it never was between the pads
+      enter(Phase::kGrasp, in);
+      return probe(in);
+    }
     regrasp_offset_m_ = -regrasp_step_m_;  // it slid out over the pads' tips
     return fail(Why::kSlipped, in);
   }

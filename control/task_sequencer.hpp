@@ -67,6 +67,7 @@ class TaskSequencer {
   void approach(const TaskInput& in, Reference& ref) RT_SAFE;
   void pre_grasp(const TaskInput& in, Reference& ref) RT_SAFE;
   void grasp(const TaskInput& in, Reference& ref) RT_SAFE;
+  void probe(const TaskInput& in) RT_SAFE;
   void manipulate(const TaskInput& in, Reference& ref) RT_SAFE;
   void release(const TaskInput& in, Reference& ref) RT_SAFE;
   void retreat(const TaskInput& in, Reference& ref) RT_SAFE;

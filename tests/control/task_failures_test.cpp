@@ -117,12 +117,14 @@ TEST(TaskGrasp, SecondGraspThatHoldsOpensTheObject) {
   EXPECT_EQ(run.out.failure, "");
 }
 
-// The bar slips out of the hand when the joint has come to `value`, `times` times.
+// The bar slips out of the hand when the joint has come to `value`, on the second pull to twice
+// that, `times` times.
 void slip_at(TaskRun& run, double value, int times) {
   run.every_tick = [value, times](TaskRun& r) {
     const bool manipulating = r.out.phase == Phase::kManipulate;
-    const bool slips =
-        manipulating && r.plant.unit.joint.value > value && r.count(Phase::kManipulate) <= times;
+    const bool slips = manipulating &&
+                       r.plant.unit.joint.value > value * r.count(Phase::kManipulate) &&
+                       r.count(Phase::kManipulate) <= times;
     r.plant.bar_there = !slips;
     EXPECT_TRUE(r.out.phase != Phase::kRetreat ||
                 r.plant.opening_m > 0.8 * mabi()->config().gripper_opening_max_m);
@@ -141,6 +143,18 @@ TEST(TaskGrasp, SlippedHandleIsReleasedAndGraspedOnceMore) {
   EXPECT_EQ(run.count(Phase::kManipulate), 2);
   EXPECT_EQ(run.count(Phase::kRelease), 2);
   EXPECT_GT(run.plant.unit.joint.value, 0.36);
+}
+
+// Fingers that close on the very edge of the bar squeeze it out at once: the hand goes back to
+// feeling where it is.
+TEST(TaskGrasp, BarLostAsThePullBeginsIsProbedAndGraspedOnceMore) {
+  TaskRun run(drawer());
+  slip_at(run, -1.0, 1);
+  ASSERT_NO_FATAL_FAILURE(run.run());
+  EXPECT_EQ(run.last(), Phase::kDone);
+  EXPECT_EQ(run.count(Phase::kGrasp), 3);  // closed on the edge, probed, closed again
+  EXPECT_EQ(run.count(Phase::kPreGrasp), 2);
+  EXPECT_EQ(run.count(Phase::kManipulate), 2);
 }
 
 TEST(TaskGrasp, SecondSlipFails) {
