@@ -397,7 +397,7 @@ TEST(Controller, EqualInputsGiveEqualBits) {
 }
 
 TEST(Controller, StepDoesNotAllocate) {
-  ASSERT_TRUE(allocations_are_counted());
+  if (!allocations_are_counted()) GTEST_SKIP() << "a sanitizer owns malloc";
   Rig rig;
   rig.ask(RequestKind::kReset);
   rig.step();
