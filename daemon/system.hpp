@@ -49,7 +49,6 @@ class System {
   const OptimalControlProblem& problem() const { return planner_.problem(); }
   const MpcRecord& mpc_record() const { return mpc_record_; }
   const SolveReport& solve_report() const { return mpc_record_.report; }
-  const MapReport& map_report() const { return mapping_record_.report; }
   const ControlCounters& control_counters() const { return controller_.counters(); }
   struct Opening {
     Name object;

@@ -48,7 +48,6 @@ class DriverHost {
   // none. Ordinary thread.
   bool next_frame(DepthFrame& frame);
 
-  const wb_driver_api* api(int plugin) const { return plugins_[plugin]->api; }
   // First plugin that answers to the extension's name, or null.
   const void* extension(const char* name, wb_driver** driver) const;
 
