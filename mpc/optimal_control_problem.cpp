@@ -8,7 +8,7 @@
 namespace wb {
 namespace {
 
-using Factory = std::unique_ptr<Term> (*)(const config::Section&, const ModelPtr&);
+using Factory = std::unique_ptr<Term> (*)(const config::Section&, const ModelPtr&, WeightTable&);
 
 struct Entry {
   const char* name;
@@ -19,12 +19,16 @@ struct Entry {
 constexpr Entry kRegistry[] = {
     {"input", make_input_term},
     {"end_effector", make_end_effector_term},
+    {"twist", make_twist_term},
+    {"wrench", make_wrench_term},
+    {"velocity_constraint", make_velocity_constraint_term},
     {"posture", make_posture_term},
     {"base_route", make_base_route_term},
     {"joint_limits", make_joint_limits_term},
     {"velocity_limits", make_velocity_limits_term},
     {"self_collision", make_self_collision_term},
     {"environment", make_environment_term},
+    {"stability", make_stability_term},
 };
 static_assert(std::size(kRegistry) <= kMaxTerms);
 
@@ -37,6 +41,9 @@ Sinc sinc(double h) {
   if (std::abs(h) < 1e-3) return {1.0 - h * h / 6.0, -h / 3.0 + h * h * h / 30.0};
   return {std::sin(h) / h, (h * std::cos(h) - std::sin(h)) / (h * h)};
 }
+
+// Of a solver; a Policy carries the first kMaxNodes of them.
+constexpr std::size_t kMaxGrid = 1024;
 
 std::vector<double> read_grid(const config::Section& section) {
   const double fine = section.number("fine_step_s", {0.001, 1.0});
@@ -52,9 +59,9 @@ std::vector<double> read_grid(const config::Section& section) {
   append(0.0, std::min(fine_until, horizon), fine);
   append(std::min(fine_until, horizon), horizon, coarse);
   grid.push_back(horizon);
-  if (grid.size() > kMaxNodes) {
+  if (grid.size() > kMaxGrid) {
     section.fail("horizon_s", "needs " + std::to_string(grid.size()) + " nodes, allowed: at most " +
-                                  std::to_string(kMaxNodes));
+                                  std::to_string(kMaxGrid));
   }
   return grid;
 }
@@ -81,15 +88,22 @@ OptimalControlProblem::OptimalControlProblem(std::shared_ptr<const RobotModel> m
 
   const config::Section search = settings.section("solver");
   solver_.line_search_steps = search.integer("line_search_steps", {1, 20});
+  solver_.line_search_ratio = search.number("line_search_ratio", {0.05, 0.9});
+  solver_.equality_penalty = search.number("equality_penalty", config::kPositive);
   solver_.acceleration_fraction = search.number("acceleration_fraction", {0.01, 10.0});
   search.finish();
 
   const config::Section sections = settings.section("terms");
   for (const Entry& entry : kRegistry) {
-    std::unique_ptr<Term> term = entry.make(sections.section(entry.name), model_);
-    if (std::find(disabled.begin(), disabled.end(), entry.name) == disabled.end()) {
-      terms_.push_back(std::move(term));
-    }
+    const config::Section section = sections.section(entry.name);
+    const bool enabled =
+        section.boolean_or("enabled", true) &&
+        std::find(disabled.begin(), disabled.end(), entry.name) == disabled.end();
+    WeightTable ignored;
+    std::unique_ptr<Term> term = entry.make(section, model_, enabled ? weights_ : ignored);
+    if (!enabled) continue;
+    if (term->kind() == TermKind::kEquality) equalities_.push_back(term.get());
+    terms_.push_back(std::move(term));
   }
   sections.finish();
   settings.finish();
@@ -137,17 +151,29 @@ void OptimalControlProblem::step_derivatives(const double* x, const double* u, d
 }
 
 double OptimalControlProblem::evaluate(Node& node, Quadratic* quadratic,
-                                       double* term_cost) const noexcept {
+                                       TermValues* values) const noexcept {
   model_->forward_kinematics(node.x.data(), node.kinematics);
   if (quadratic) quadratic->set_zero(nx(), nu());
   double cost = 0;
   for (std::size_t i = 0; i < terms_.size(); ++i) {
     const bool skipped = node.terminal && terms_[i]->scope() == TermScope::kStage;
+    node.violation = 0;
     const double value = skipped ? 0.0 : terms_[i]->evaluate(node, quadratic);
-    if (term_cost) term_cost[i] = value;
+    if (values) {
+      values->cost[i] = value;
+      values->violation[i] = node.violation;
+    }
     cost += value;
   }
   return cost;
+}
+
+void OptimalControlProblem::constrain(Node& node, Equality& equality,
+                                      bool derivatives) const noexcept {
+  equality.rows = 0;
+  if (equalities_.empty() || node.terminal) return;
+  if (derivatives) equality.set_zero(nx(), nu());
+  for (const Term* term : equalities_) term->constrain(node, equality, derivatives);
 }
 
 }  // namespace wb

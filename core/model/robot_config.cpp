@@ -88,6 +88,8 @@ JointConfig load_joint(const Section& s, const Checker& check) {
                        std::to_string(limits.effort));
   }
   out.acceleration_max = s.number("acceleration_max_radps2", config::kPositive);
+  // Slower than the URDF says, never faster.
+  out.velocity_max = s.number_or("velocity_max_radps", 0.0, {0.0, limits.velocity});
   s.finish();
   return out;
 }
@@ -177,6 +179,13 @@ RobotConfig RobotConfig::load(const std::filesystem::path& folder) {
   check_unique(s, "joints", used);
   out.gripper_opening_max_m = s.number("gripper_opening_max_m", config::kNonNegative);
   out.end_effector = check.link(s, "end_effector");
+  if (s.has("more_end_effectors")) {
+    out.more_end_effectors = s.texts("more_end_effectors");
+    for (const std::string& link : out.more_end_effectors)
+      check.known_link(s, "more_end_effectors", link);
+    if (out.more_end_effectors.size() >= kMaxEndEffectors)
+      s.fail("more_end_effectors", "allowed: at most " + std::to_string(kMaxEndEffectors - 1));
+  }
   out.stowed = load_posture(s, "stowed_rad", check, out.joints);
   out.ready = load_posture(s, "ready_rad", check, out.joints);
 

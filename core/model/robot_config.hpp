@@ -31,6 +31,7 @@ struct BaseConfig {
 struct JointConfig {
   std::string name;
   double acceleration_max = 0;  // rad/s^2
+  double velocity_max = 0;      // rad/s; 0: the URDF's
 };
 
 struct CameraConfig {
@@ -62,6 +63,7 @@ struct RobotConfig {
   std::vector<std::string>
       fingers;  // prismatic joints of the gripper; total opening = sum of their positions
   std::string end_effector;     // URDF link E
+  std::vector<std::string> more_end_effectors;  // other links that a Reference may lead
   std::string shoulder_camera;  // which camera measures the handle
   double gripper_opening_max_m = 0;
   std::vector<double> stowed;  // q [rad]: arm folded up over the base

@@ -72,7 +72,14 @@ class RobotModel {
 
   // Frames are URDF links, also merged ones. frame() throws for an unknown name (setup only).
   int frame(std::string_view link) const;
-  int end_effector() const { return end_effector_; }
+  // Frames that a Reference may lead: 0 is E, then robot.yaml's more_end_effectors.
+  int end_effectors() const { return static_cast<int>(end_effectors_.size()); }
+  int end_effector(int k = 0) const { return end_effectors_[k]; }
+
+  // The tree: body 0 is the base, body i is moved by joint i - 1; a parent's index is smaller.
+  int frame_body(int frame) const { return frames_[frame].body; }
+  int parent(int body) const { return bodies_[body].parent; }
+  bool prismatic(int body) const { return bodies_[body].prismatic; }
 
   void forward_kinematics(const double* x, Data& data) const noexcept;  // x has nx() entries
   Eigen::Isometry3d X_WF(int frame, const Data& data) const noexcept;
@@ -87,6 +94,13 @@ class RobotModel {
                         JointVector& tau) const noexcept;
   void gravity(const double* q, JointVector& tau) const noexcept;
   void mass_matrix(const double* q, JointMatrix& M) const noexcept;
+
+  // Masses and centres of mass (in W) of everything that each joint carries: body i and all beyond.
+  struct Subtrees {
+    std::array<double, kMaxBodies> mass;
+    std::array<Eigen::Vector3d, kMaxBodies> com_W;
+  };
+  void subtrees(const Data& data, Subtrees& out) const noexcept;
 
   const std::vector<Sphere>& spheres() const { return spheres_; }
   const std::vector<Capsule>& capsules() const { return capsules_; }
@@ -130,7 +144,7 @@ class RobotModel {
   std::vector<Capsule> capsules_;
   std::vector<std::array<int, 2>> self_pairs_;
   double mass_ = 0;
-  int end_effector_ = 0;
+  std::vector<int> end_effectors_;
 };
 
 }  // namespace wb

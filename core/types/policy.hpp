@@ -12,8 +12,16 @@
 
 namespace wb {
 
+// How far the solve behind a policy came.
+enum class PolicyQuality : std::uint8_t {
+  kFull,
+  kShortened,  // solved up to the first node where something was not a number
+  kKept,       // not solved: the last policy, shifted in time
+};
+
 struct Policy {
   std::uint64_t seq = 0;
+  PolicyQuality quality = PolicyQuality::kFull;
   TimeNs t_ns = 0;  // time of the state that it was solved from
   std::uint64_t reference_seq = 0;
   std::uint64_t field_seq = 0;  // 0: no map was at hand

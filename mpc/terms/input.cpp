@@ -8,41 +8,38 @@ namespace {
 
 class InputTerm final : public Term {
  public:
-  explicit InputTerm(InputVector weights)
-      : Term("input", TermKind::kCost, TermScope::kStage), weights_(std::move(weights)) {}
+  InputTerm(int first_weight, int inputs)
+      : Term("input", TermKind::kCost, TermScope::kStage), first_weight_(first_weight), inputs_(inputs) {}
 
   double evaluate(Node& node, Quadratic* quadratic) const noexcept override {
     double cost = 0;
-    for (int i = 0; i < weights_.size(); ++i) {
-      const double gradient = weights_[i] * node.u[i];
+    for (int i = 0; i < inputs_; ++i) {
+      const double weight = node.weights[first_weight_ + i];
+      const double gradient = weight * node.u[i];
       cost += 0.5 * gradient * node.u[i];
       if (quadratic) {
         quadratic->r[i] += gradient;
-        quadratic->R(i, i) += weights_[i];
+        quadratic->R(i, i) += weight;
       }
     }
     return cost;
   }
 
  private:
-  InputVector weights_;
+  int first_weight_, inputs_;  // the weights stand in a row
 };
 
 }  // namespace
 
-std::unique_ptr<Term> make_input_term(const config::Section& section, const ModelPtr& model) {
-  InputVector weights(model->nu());
-  int row = 0;
+std::unique_ptr<Term> make_input_term(const config::Section& section, const ModelPtr& model, WeightTable& weights) {
+  const int first = static_cast<int>(weights.infos().size());
   if (model->base_dof() > 0) {
-    weights[row++] = section.number("base_velocity_s2pm2", config::kPositive);
-    weights[row++] = section.number("base_yaw_rate_s2prad2", config::kPositive);
+    weights.add(section, "input", "base_velocity_s2pm2", config::kPositive);
+    weights.add(section, "input", "base_yaw_rate_s2prad2", config::kPositive);
   }
-  for (const double w :
-       section.numbers("joint_velocity_s2prad2", model->joints(), config::kPositive)) {
-    weights[row++] = w;
-  }
+  weights.add_list(section, "input", "joint_velocity_s2prad2", model->joints(), config::kPositive);
   section.finish();
-  return std::make_unique<InputTerm>(weights);
+  return std::make_unique<InputTerm>(first, model->nu());
 }
 
 }  // namespace wb

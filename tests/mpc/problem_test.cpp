@@ -47,7 +47,7 @@ TEST(OptimalControlProblem, ConfigurationErrorsNameFileAndKey) {
   EXPECT_NE(unknown.find("mpc.yaml"), std::string::npos);
   EXPECT_NE(unknown.find("terms.self_collision.reach_m"), std::string::npos);
   EXPECT_NE(
-      error_of(std::regex_replace(good, std::regex("fine_step_s: [0-9.]+"), "fine_step_s: 0.001"))
+      error_of(std::regex_replace(good, std::regex("coarse_step_s: [0-9.]+"), "coarse_step_s: 0.001"))
           .find("nodes"),
       std::string::npos);
   EXPECT_NE(error_of(std::regex_replace(good, std::regex("mu_pm2: [0-9.]+"), "mu_pm2: -1"))
@@ -117,29 +117,29 @@ TEST(OptimalControlProblem, StepDerivativesMatchCentralDifferences) {
 
 TEST(ReferenceSample, InterpolatesBetweenKeyframesAndHoldsOutside) {
   Reference reference;
-  reference.ee_count = reference.base_count = 2;
-  reference.ee[0] = {100, Pose::from({0, 0, 0}, Eigen::Quaterniond::Identity())};
-  reference.ee[1] = {
+  reference.ee[0].count = reference.base_count = 2;
+  reference.ee[0].keyframes[0] = {100, Pose::from({0, 0, 0}, Eigen::Quaterniond::Identity())};
+  reference.ee[0].keyframes[1] = {
       200,
       Pose::from({1, 2, 3}, Eigen::Quaterniond(Eigen::AngleAxisd(1.0, Eigen::Vector3d::UnitX())))};
   reference.base[0] = {100, {0, 0, 3}};
   reference.base[1] = {200, {1, -1, 4}};  // yaw is continuous: no wrapping on the way
   constexpr double kRounding = 1e-14;
   const ReferenceSample middle = sample(reference, 125);
-  EXPECT_LE((middle.p_WE - Eigen::Vector3d(0.25, 0.5, 0.75)).norm(), kRounding);
-  EXPECT_NEAR(Eigen::AngleAxisd(middle.R_WE).angle(), 0.25, 1e-12);
+  EXPECT_LE((middle.ee[0].p_WE - Eigen::Vector3d(0.25, 0.5, 0.75)).norm(), kRounding);
+  EXPECT_NEAR(Eigen::AngleAxisd(middle.ee[0].R_WE).angle(), 0.25, 1e-12);
   EXPECT_LE((middle.base - Eigen::Vector3d(0.25, -0.25, 3.25)).norm(), kRounding);
   EXPECT_EQ(sample(reference, 0).base[2], 3.0);
-  EXPECT_EQ(sample(reference, 999).p_WE.z(), 3.0);
-  EXPECT_FALSE(sample(Reference{}, 0).has_end_effector);
+  EXPECT_EQ(sample(reference, 999).ee[0].p_WE.z(), 3.0);
+  EXPECT_FALSE(sample(Reference{}, 0).ee[0].active);
   EXPECT_FALSE(sample(Reference{}, 0).has_base);
 }
 
 TEST(ReferenceSample, QuaternionOfLengthZeroIsNotTakenForARotation) {
   Reference reference;
-  reference.ee_count = 1;
-  reference.ee[0].X_WE.q = {0, 0, 0, 0};
-  EXPECT_FALSE(sample(reference, 0).R_WE.allFinite());
+  reference.ee[0].count = 1;
+  reference.ee[0].keyframes[0].X_WE.q = {0, 0, 0, 0};
+  EXPECT_FALSE(sample(reference, 0).ee[0].R_WE.allFinite());
 }
 
 // Two states, one input, nodes at 0, 100 and 300 ns.
