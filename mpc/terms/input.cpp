@@ -33,8 +33,9 @@ class InputTerm final : public Term {
 std::unique_ptr<Term> make_input_term(const config::Section& section, const ModelPtr& model) {
   InputVector weights(model->nu());
   int row = 0;
-  if (model->base_dof() > 0) {
-    weights[row++] = section.number("base_velocity_s2pm2", config::kPositive);
+  if (model->base_inputs() > 0) {
+    const double translation = section.number("base_velocity_s2pm2", config::kPositive);
+    while (row + 1 < model->base_inputs()) weights[row++] = translation;
     weights[row++] = section.number("base_yaw_rate_s2prad2", config::kPositive);
   }
   for (const double w :
