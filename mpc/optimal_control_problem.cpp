@@ -32,7 +32,8 @@ constexpr Entry kRegistry[] = {
 };
 static_assert(std::size(kRegistry) <= kMaxTerms);
 
-// Displacement of an arc of chord angle h = w dt / 2: v dt sinc(h) along the heading at half time.
+// Displacement of an arc of chord angle h = w dt / 2: v dt sinc(h), turned to the heading at half
+// time. It holds for a sideways v, too.
 struct Sinc {
   double value, slope;
 };
@@ -118,10 +119,12 @@ void OptimalControlProblem::step(const double* x, const double* u, double dt,
                                  double* x_next) const noexcept {
   int row = 0;
   if (model_->base_dof() > 0) {
-    const double half = 0.5 * u[1] * dt;
-    const double chord = u[0] * dt * sinc(half).value;
-    x_next[0] = x[0] + chord * std::cos(x[2] + half);
-    x_next[1] = x[1] + chord * std::sin(x[2] + half);
+    const int turn = model_->base_inputs() - 1;
+    const double half = 0.5 * u[turn] * dt, reach = dt * sinc(half).value;
+    const double cosine = std::cos(x[2] + half), sine = std::sin(x[2] + half);
+    const double chord = u[0] * reach, side = turn == 2 ? u[1] * reach : 0.0;
+    x_next[0] = x[0] + chord * cosine - side * sine;
+    x_next[1] = x[1] + chord * sine + side * cosine;
     x_next[2] = x[2] + 2.0 * half;
     row = 3;
   }
@@ -134,18 +137,22 @@ void OptimalControlProblem::step_derivatives(const double* x, const double* u, d
   A.setIdentity(nx(), nx());
   B.setZero(nx(), nu());
   if (model_->base_dof() > 0) {
-    const double half = 0.5 * u[1] * dt;
+    const int turn = model_->base_inputs() - 1;
+    const double half = 0.5 * u[turn] * dt;
     const Sinc s = sinc(half);
     const double cosine = std::cos(x[2] + half), sine = std::sin(x[2] + half);
-    const double chord = u[0] * dt * s.value;
-    A(0, 2) = -chord * sine;
-    A(1, 2) = chord * cosine;
-    B(0, 0) = dt * s.value * cosine;
-    B(1, 0) = dt * s.value * sine;
-    const double chord_slope = u[0] * dt * s.slope;
-    B(0, 1) = 0.5 * dt * (chord_slope * cosine - chord * sine);
-    B(1, 1) = 0.5 * dt * (chord_slope * sine + chord * cosine);
-    B(2, 1) = dt;
+    const double vx = u[0], vy = turn == 2 ? u[1] : 0.0, reach = dt * s.value;
+    A(0, 2) = -reach * (vx * sine + vy * cosine);
+    A(1, 2) = reach * (vx * cosine - vy * sine);
+    B(0, 0) = reach * cosine;
+    B(1, 0) = reach * sine;
+    if (turn == 2) {
+      B(0, 1) = -reach * sine;
+      B(1, 1) = reach * cosine;
+    }
+    B(0, turn) = 0.5 * dt * (dt * s.slope * (vx * cosine - vy * sine) + A(0, 2));
+    B(1, turn) = 0.5 * dt * (dt * s.slope * (vx * sine + vy * cosine) + A(1, 2));
+    B(2, turn) = dt;
   }
   for (int j = 1; j <= model_->joints(); ++j) B(nx() - j, nu() - j) = dt;
 }

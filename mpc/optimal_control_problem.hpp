@@ -1,8 +1,8 @@
 // What the MPC minimises: a time grid, the robot's kinematic model of motion, and one ordered list
 // of named terms. Setup world to build (throws config::ConfigError), step world to use: every const
 // method is noexcept and allocates nothing. x = (base x, y [m], yaw [rad]; q), u = (v [m/s], w
-// [rad/s]; dq); a fixed base has only q and dq. Source: Mittal et al. 2022, Sec. IV; DESIGN.md,
-// "Formulation of the MPC".
+// [rad/s]; dq), of an omnidirectional base (vx, vy, w; dq); a fixed base has only q and dq. Source:
+// Mittal et al. 2022, Sec. IV; DESIGN.md, "Formulation of the MPC".
 #pragma once
 #include <memory>
 #include <span>

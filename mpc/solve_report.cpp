@@ -26,7 +26,7 @@ std::string state_name(const RobotModel& model, int row) {
 }
 
 std::string input_name(const RobotModel& model, int row) {
-  const int base = model.nu() - model.joints();
+  const int base = model.base_inputs();
   if (row >= base) return model.config().joints[row - base].name;
   return row + 1 == base ? "base yaw rate" : row == 0 ? "base velocity" : "base lateral velocity";
 }

@@ -12,17 +12,20 @@
 
 namespace wb {
 
-enum class BaseKind { kFixed, kDifferentialDrive };
+enum class BaseKind { kFixed, kDifferentialDrive, kOmnidirectional };
 
 struct BaseConfig {
   BaseKind kind = BaseKind::kFixed;
-  std::string link;                   // URDF link B, on the floor under the robot
-  std::array<std::string, 2> wheels;  // left, right joints
+  std::string link;  // URDF link B, on the floor under the robot
+  // Joints: left, right of a differential drive; front left, front right, rear left, rear right
+  // (mecanum) of an omnidirectional base; none of a fixed one.
+  std::vector<std::string> wheels;
   double wheel_radius_m = 0;
-  double track_m = 0;
-  double velocity_max = 0;          // m/s
+  double track_m = 0;               // between left and right wheels
+  double wheelbase_m = 0;           // between front and rear wheels (omnidirectional)
+  double velocity_max = 0;          // m/s, along each axis that the base can move in
   double yaw_rate_max = 0;          // rad/s
-  double acceleration_max = 0;      // m/s^2
+  double acceleration_max = 0;      // m/s^2, likewise
   double yaw_acceleration_max = 0;  // rad/s^2
   double bounding_radius_m =
       0;  // circle about B's origin that holds the robot in its stowed posture

@@ -1,8 +1,8 @@
-// Kinematics and dynamics of a robot from its URDF: fixed or differential-drive base under a tree
-// of joints. The model is immutable; each thread owns its Data. Every const method is a step:
-// noexcept, no allocation. x = (base x, y, yaw; q) with base_dof() = 0 or 3. Jacobians: 6 x nx,
-// linear over angular, in W, with respect to x. Source: Featherstone 2008, Rigid Body Dynamics
-// Algorithms (RNEA, Sec. 5.3).
+// Kinematics and dynamics of a robot from its URDF: a fixed or wheeled base under a tree of joints.
+// The model is immutable; each thread owns its Data. Every const method is a step: noexcept, no
+// allocation. x = (base x, y, yaw; q) with base_dof() = 0 or 3, u = (base_inputs() velocities; dq).
+// Jacobians: 6 x nx, linear over angular, in W, with respect to x. Source: Featherstone 2008, Rigid
+// Body Dynamics Algorithms (RNEA, Sec. 5.3).
 #pragma once
 #include <Eigen/Geometry>
 #include <array>
@@ -66,7 +66,13 @@ class RobotModel {
   int base_dof() const { return config_.base.kind == BaseKind::kFixed ? 0 : 3; }
   int joints() const { return static_cast<int>(limits_.size()); }
   int nx() const { return base_dof() + joints(); }
-  int nu() const { return (base_dof() ? 2 : 0) + joints(); }
+  // Base velocities among the inputs: none; v, w of a differential drive; vx, vy, w in B.
+  int base_inputs() const {
+    return config_.base.kind == BaseKind::kFixed               ? 0
+           : config_.base.kind == BaseKind::kDifferentialDrive ? 2
+                                                               : 3;
+  }
+  int nu() const { return base_inputs() + joints(); }
   const JointLimits& limits(int joint) const { return limits_[joint]; }
   double mass() const { return mass_; }
 

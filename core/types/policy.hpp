@@ -1,7 +1,7 @@
 // Affine feedback policy of the MPC: u(t, x) = u_ref(t) + K(t) (x - x_ref(t)). Written by MPC,
 // evaluated by control. x = (base x, y [m], yaw [rad]; q), u = (v [m/s], w [rad/s]; dq) for a
-// differential-drive base (DESIGN.md, "Formulation"). Source: Farshidian et al. 2017 (SLQ); Mittal
-// et al. 2022, Sec. IV.
+// differential-drive base, (vx, vy, w; dq) in B for an omnidirectional one. Source: Farshidian et
+// al. 2017 (SLQ); Mittal et al. 2022, Sec. IV.
 #pragma once
 #include <Eigen/Core>
 #include <array>

@@ -7,7 +7,7 @@ namespace wb {
 void body_twist(const RobotModel& model, int frame, const RobotModel::Data& data,
                 const StateVector& x, const InputVector& u, bool state_derivative,
                 BodyTwist& out) noexcept {
-  const int base_dof = model.base_dof(), base_inputs = model.nu() - model.joints();
+  const int base_dof = model.base_dof(), base_inputs = model.base_inputs();
   Jacobian J;
   model.frame_jacobian(frame, data, J);
   out.V_u.resize(6, model.nu());
