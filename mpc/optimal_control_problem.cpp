@@ -97,9 +97,8 @@ OptimalControlProblem::OptimalControlProblem(std::shared_ptr<const RobotModel> m
   const config::Section sections = settings.section("terms");
   for (const Entry& entry : kRegistry) {
     const config::Section section = sections.section(entry.name);
-    const bool enabled =
-        section.boolean_or("enabled", true) &&
-        std::find(disabled.begin(), disabled.end(), entry.name) == disabled.end();
+    const bool enabled = section.boolean_or("enabled", true) &&
+                         std::find(disabled.begin(), disabled.end(), entry.name) == disabled.end();
     WeightTable ignored;
     std::unique_ptr<Term> term = entry.make(section, model_, enabled ? weights_ : ignored);
     if (!enabled) continue;

@@ -67,8 +67,7 @@ inline double static_goal_error_mm() {
   RobotModel::Data data;
   problem->model().forward_kinematics(x.data(), data);
   const Eigen::Isometry3d X_WE = problem->model().X_WF(problem->model().end_effector(), data);
-  return 1e3 *
-         (X_WE.translation() - goal.ee[0].keyframes[0].X_WE.position()).norm();
+  return 1e3 * (X_WE.translation() - goal.ee[0].keyframes[0].X_WE.position()).norm();
 }
 
 }  // namespace wb::bench
