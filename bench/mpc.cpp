@@ -29,7 +29,7 @@ void add_timing(std::vector<Figure>& figures) {
       figures.push_back({prefix + "_no_step", r.no_step_percent, "%", {}});
       figures.push_back({prefix + "_step_median", r.median_step, "", {}});
       median = std::max(median, r.median_ms);
-      if (grid == kGrid4s) tail = std::max(tail, r.tail_ratio);
+      if (grid.horizon_s > 1) tail = std::max(tail, r.tail_ratio);
       over = std::max(over, r.rate_over_limit_percent);
       work = std::max(work, r.work_over_bound);
       allocations = std::max(allocations, static_cast<double>(r.allocations));

@@ -17,7 +17,7 @@ struct TimingResult {
   std::uint64_t allocations = 0;
 };
 
-inline TimingResult time_reference_problem(const char* grid, int calls) {
+inline TimingResult time_reference_problem(const GridSettings& grid, int calls) {
   const auto problem = reference_problem(grid);
   const DistanceField field = reference_field();
   SlqSolver solver(problem);
