@@ -87,7 +87,8 @@ class Session {
   // Away from there at a tenth of the speed limit, at most 0.1 rad/s, towards the middle of the
   // range; t_s since the beginning of the sweep.
   wb_commands sweep(double t_s) const;
-  void must_write(const wb_commands& commands);  // accepted
+  // Accepted. Skips the check if this machine let the time-out pass by itself.
+  void must_write(const wb_commands& commands);
 
   // Largest displacement of any joint while `each_tick` runs for so long; every tick is read.
   struct Motion {
@@ -113,6 +114,7 @@ class Session {
   wb_readings readings_{};
   std::array<double, WB_DRIVER_MAX_JOINTS> home_{}, home_effort_{};
   TimeNs period_ns_, timeout_ns_, virtual_ns_ = 0, next_ns_ = 0;
+  TimeNs written_ns_ = 0;  // last write, or activate
   std::array<PortUse, kPorts> use_{};
   std::vector<std::string> lines_;
 };
