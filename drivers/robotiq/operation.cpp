@@ -46,7 +46,8 @@ bool Operation::next(const Request& request, bool hold, const Status& status,
   // Not yet written to since the activation: goes on holding.
   if (hold || !request.written) {
     const bool moving = status.motion == Motion::kMoving || status.position_echo != sent_.position;
-    if (!holding_ && sent_.go && moving) sent_.position = status.position;
+    if (!holding_ && moving)
+      sent_.go = false;  // stops where it is; what it touches it goes on pressing
     holding_ = true;
     sent_.activate = true;
   } else {

@@ -31,6 +31,7 @@ class Operation {
   bool next(const Request& request, bool hold, const Status& status, Order& order) noexcept;
   // kLost: the gripper has a fault or has lost its activation; the next activation sees to it.
   Stage stage() const noexcept { return stage_; }
+  std::uint32_t activation() const noexcept { return activation_; }  // the one it has begun
   double force_n() const noexcept { return robotiq::force_n(sent_.force); }
 
  private:

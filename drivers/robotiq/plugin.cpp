@@ -124,7 +124,7 @@ wb_status read(wb_driver* driver, wb_readings* out) {
   const bool active = driver->state == WB_ACTIVE;
   out->timed_out = active && timed_out(driver);
   if (RealTime::monotonic() - report.t_ns > driver->config.silence_max_ns) return WB_ERROR;
-  if (active && driver->request.written && report.lost) return WB_ERROR;
+  if (active && report.lost == driver->request.activation) return WB_ERROR;
   // Before its activation the gripper does not know where its fingers are.
   out->gripper.valid = report.status.activation == Activation::kDone;
   out->gripper.opening = opening_m(report.status.position, driver->config.stroke);
@@ -151,7 +151,23 @@ wb_status write(wb_driver* driver, const wb_commands* commands) {
 wb_status acquire_frame(wb_driver*, wb_frame*) { return WB_NO_DATA; }
 wb_status release_frame(wb_driver*, std::uint64_t) { return WB_BAD_STATE; }
 wb_status advance(wb_driver*, std::int64_t) { return WB_BAD_STATE; }
-const void* get_extension(wb_driver*, const char*) { return nullptr; }
+
+constexpr const char* kCounterNames[] = {"exchanges", "time_outs", "checksum_errors",
+                                         "other_errors", "port_losses"};
+
+void read_counters(const wb_driver* driver, std::uint64_t* values) {
+  std::fill_n(values, std::size(kCounterNames), 0);
+  if (!driver->worker) return;
+  const Counters& c = driver->worker->counters();
+  for (const auto* n : {&c.exchanges, &c.time_outs, &c.checksum_errors, &c.other_errors, &c.closed})
+    *values++ = n->load(std::memory_order_relaxed);
+}
+
+const void* get_extension(wb_driver*, const char* name) {
+  static const wb_diagnostics diagnostics = {std::size(kCounterNames), kCounterNames,
+                                             read_counters};
+  return std::strcmp(name, WB_DIAGNOSTICS) == 0 ? &diagnostics : nullptr;
+}
 
 }  // namespace
 }  // namespace wb::robotiq

@@ -13,7 +13,7 @@ inline constexpr int kOrderAddress = 0x03E8, kStatusAddress = 0x07D0;
 inline constexpr int kRegisters = 3;
 using Registers = std::array<std::uint16_t, kRegisters>;
 
-inline constexpr double kForceMin_n = 20, kForceMax_n = 235;       // per finger
+inline constexpr double kForceMin_n = 20, kForceMax_n = 235;         // per finger
 inline constexpr double kSpeedMin_mps = 0.02, kSpeedMax_mps = 0.15;  // of the opening
 
 // How counts of position stand for an opening; both ends are measured once on the real gripper.
@@ -66,10 +66,16 @@ struct Order {
     return {(r[0] & 0x0100) != 0, (r[0] & 0x0800) != 0, static_cast<std::uint8_t>(r[1] & 0xFF),
             static_cast<std::uint8_t>(r[2] >> 8), static_cast<std::uint8_t>(r[2] & 0xFF)};
   }
+  bool operator==(const Order&) const = default;
 };
 
 enum class Activation : std::uint8_t { kReset = 0, kRunning = 1, kDone = 3 };
-enum class Motion : std::uint8_t { kMoving = 0, kObjectOpening = 1, kObjectClosing = 2, kThere = 3 };
+enum class Motion : std::uint8_t {
+  kMoving = 0,
+  kObjectOpening = 1,
+  kObjectClosing = 2,
+  kThere = 3
+};
 enum Fault : std::uint8_t {
   kNoFault = 0,
   kActionDelayed = 0x05,

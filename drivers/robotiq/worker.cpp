@@ -49,21 +49,27 @@ void Worker::cycle() {
   bool send = false;
   if (request != nullptr && request->activation != 0) {
     if (request->overdue(RealTime::monotonic())) expire(request->activation);
-    // Nothing is said before the gripper has told where it stands.
+    // Nothing is said before the gripper has told where it stands, nor said twice: one that comes
+    // back from a loss of power would take a repeated order for the wish to be activated, and open.
     if (answered_) {
       send = operation_.next(*request, request->hold || expired(request->activation), status_,
-                             order);
+                             order) &&
+             written_ != order;
     }
   }
   const LinkResult result = link_.exchange(send ? &order : nullptr, status_);
   count(result);
-  if (result != LinkResult::kOk) return;
-  answered_ = true;
+  answered_ = result == LinkResult::kOk;
+  if (!answered_) {
+    written_.reset();
+    return;
+  }
+  if (send) written_ = order;
   Report& report = reports_.writing();
   report.t_ns = RealTime::monotonic();
   report.status = status_;
   report.force_n = status_.touches() ? operation_.force_n() : 0;
-  report.lost = operation_.stage() == Operation::Stage::kLost;
+  report.lost = operation_.stage() == Operation::Stage::kLost ? operation_.activation() : 0;
   reports_.publish();
 }
 

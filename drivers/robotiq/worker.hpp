@@ -2,8 +2,8 @@
 // buffers and the atomics. Constructor, destructor: setup world. request(), expired(), newest():
 // ports, one thread (control).
 #pragma once
-#include <array>
 #include <atomic>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -18,7 +18,7 @@ struct Report {
   TimeNs t_ns = 0;  // when the answer came, CLOCK_MONOTONIC
   Status status;
   double force_n = 0;  // what the gripper was told to press with while it touches something, else 0
-  bool lost = false;
+  std::uint32_t lost = 0;  // the activation that the gripper has lost or ended by a fault; 0: none
 };
 
 struct Counters {
@@ -58,7 +58,8 @@ class Worker {
   std::atomic<bool> stopping_{false};
   // The thread's own.
   Status status_;
-  bool answered_ = false;
+  bool answered_ = false;         // status_ is of the last exchange
+  std::optional<Order> written_;  // what stands in the gripper's registers, if that is known
   std::thread thread_;
 };
 
