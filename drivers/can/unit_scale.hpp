@@ -13,8 +13,8 @@ struct UnitScale {
   double offset = 0;                 // rad: the joint's position at 0 counts
   double torque_per_permille = 0.1;  // Nm (or N) per thousandth of the rated torque
 
-  double position(std::int32_t counts) const noexcept {
-    return offset + sign * counts / counts_per_unit;
+  double position(std::int64_t counts) const noexcept {
+    return offset + sign * static_cast<double>(counts) / counts_per_unit;
   }
   double velocity(std::int32_t counts_ps) const noexcept {
     return sign * counts_ps / counts_per_unit;
@@ -25,6 +25,11 @@ struct UnitScale {
   // To the wire; what does not fit is clipped to the field.
   std::int32_t position_counts(double q) const noexcept {
     return clip<std::int32_t>(sign * counts_per_unit * (q - offset));
+  }
+  // Unwrapped: the wire carries its lower 32 bits.
+  std::int64_t position_counts64(double q) const noexcept {
+    const double v = sign * counts_per_unit * (q - offset);
+    return !(v >= -1e18) ? 0 : v > 1e18 ? 0 : std::llround(v);
   }
   std::int32_t velocity_counts(double dq) const noexcept {
     return clip<std::int32_t>(sign * counts_per_unit * dq);
