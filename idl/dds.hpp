@@ -137,6 +137,14 @@ class Reader {
   }
   bool matched() const { return dds_get_matched_publications(reader_.get(), nullptr, 0) > 0; }
   dds_entity_t condition() const { return condition_.get(); }  // true while samples wait
+  // Calls back on a thread of Cyclone's when samples have come, which must do no more than wake
+  // somebody.
+  void on_data(dds_on_data_available_fn wake, void* argument) {
+    const std::unique_ptr<dds_listener_t, void (*)(dds_listener_t*)> listener(
+        dds_create_listener(argument), dds_delete_listener);
+    dds_lset_data_available(listener.get(), wake);
+    dds_set_listener(reader_.get(), listener.get());
+  }
 
  private:
   struct Return {
