@@ -78,8 +78,8 @@ void DdsSide::apply(const wb_commands& commands) {
   if (!options_.joints) return;
   for (std::uint32_t i = 0; i < robot_.description().joint_count; ++i) {
     const auto& c = commands.joints[i];
-    JointTarget t{JointTarget::Kind::kBrake, c.position, c.velocity,
-                  c.effort,                  c.stiffness, c.damping};
+    JointTarget t{
+        JointTarget::Kind::kBrake, c.position, c.velocity, c.effort, c.stiffness, c.damping};
     switch (c.kind) {
       case WB_CMD_IMPEDANCE:
         t.kind = JointTarget::Kind::kImpedance;
@@ -154,7 +154,8 @@ void DdsSide::publish_truth(TimeNs t_ns) {
   truth_.links.clear();
   for (const std::string& link : links_) {
     wb_sim_pose pose;
-    if (source.link_pose(driver, link.c_str(), &pose) == WB_OK) truth_.links.emplace_back(link, pose);
+    if (source.link_pose(driver, link.c_str(), &pose) == WB_OK)
+      truth_.links.emplace_back(link, pose);
   }
   truth_.clearance = std::numeric_limits<double>::quiet_NaN();
   truth_.frames_dropped = source.frames_dropped(driver);

@@ -1,5 +1,6 @@
 // The simulated robot behind drivers/dds' low-level protocol: everything (commands, sensors,
-// cameras, truth), or all but the joints where those are drives on a CAN bus. Job world, one thread.
+// cameras, truth), or all but the joints where those are drives on a CAN bus. Job world, one
+// thread.
 #pragma once
 #include <string>
 

@@ -8,12 +8,11 @@ GripperSide::GripperSide(SimulatedRobot& robot, const std::filesystem::path& por
                          double opening_max_m)
     : robot_(robot),
       fingers_{robot.readings().gripper.opening, false},
-      gripper_(port, {opening_max_m, 0, 255},
-               [this](const robotiq::FingerOrder& order, double) {
-                 const std::lock_guard lock(mutex_);
-                 order_ = order;
-                 return fingers_;
-               }) {}
+      gripper_(port, {opening_max_m, 0, 255}, [this](const robotiq::FingerOrder& order, double) {
+        const std::lock_guard lock(mutex_);
+        order_ = order;
+        return fingers_;
+      }) {}
 
 void GripperSide::exchange() {
   constexpr double kThere_m = 0.001;

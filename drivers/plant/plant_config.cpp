@@ -1,7 +1,5 @@
 #include "drivers/plant/plant_config.hpp"
 
-#include <cstdlib>
-
 #include "core/config/config.hpp"
 
 namespace wb::plant {
@@ -18,12 +16,6 @@ can::PluginConfig can_section(const Section& plant, const std::string& key) {
       return can::PluginConfig::parse(driver.block("config"), file.parent_path());
   }
   plant.fail(key, "'" + file.string() + "' has no driver libwb_driver_can.so");
-}
-
-// As the daemon's service has it.
-int domain() {
-  const char* text = std::getenv("ROS_DOMAIN_ID");
-  return text == nullptr ? 0 : std::atoi(text);
 }
 
 }  // namespace
@@ -44,7 +36,7 @@ Config Config::load(const std::filesystem::path& file) {
     const Section s = root.section("dds");
     DdsOptions d;
     d.prefix = s.text("prefix");
-    d.domain = domain();
+    d.domain = s.integer("domain", {0, 232});
     d.paced = s.boolean("paced");
     d.truth = s.boolean_or("truth", true);
     d.joints = d.advances = !out.can;

@@ -88,8 +88,8 @@ void SimulatedRobot::write() {
         if (wheel) {
           out = {WB_CMD_VELOCITY, 0, t.velocity, 0, 0, 0};
         } else {
-          out = {WB_CMD_IMPEDANCE, 0, t.velocity, bias, 0,
-                 driver_->config.sim.joints[i].hold_damping};
+          out = {
+              WB_CMD_IMPEDANCE, 0, t.velocity, bias, 0, driver_->config.sim.joints[i].hold_damping};
         }
         break;
       case JointTarget::Kind::kTorque:

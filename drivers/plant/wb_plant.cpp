@@ -1,6 +1,6 @@
-// wb-plant: the simulated robot as a process of its own, behind CiA 402 drives on CAN or behind DDS,
-// in time that the bus paces or in real time. Its joints stop by the drives' own time-outs when the
-// master is gone. Exit code: 0 ended by a signal, 1 an error, named on stderr.
+// wb-plant: the simulated robot as a process of its own, behind CiA 402 drives on CAN or behind
+// DDS, in time that the bus paces or in real time. Its joints stop by the drives' own time-outs
+// when the master is gone. Exit code: 0 ended by a signal, 1 an error, named on stderr.
 #include <sys/mman.h>
 
 #include <CLI/CLI.hpp>
