@@ -23,7 +23,7 @@ mkdir "$cgroup" 2>/dev/null || skip "no cgroup can be made"
 pid=
 finish() {
   [ -z "$pid" ] || kill -KILL "$pid" 2>/dev/null || true
-  wait 2>/dev/null || true
+  wait "$pid" 2>/dev/null || true
   for _ in $(seq 50); do
     find "$cgroup" -depth -type d -exec rmdir {} \; 2>/dev/null || true
     [ -d "$cgroup" ] || break
@@ -71,7 +71,7 @@ first=$main
 echo "init: $(cat /proc/1/comm)"
 grep -E '^(NoNewPrivs|Seccomp|CapEff|CapBnd):' /proc/$first/status | tr -s '\t ' ' '
 echo "uid: $(awk '/^Uid:/ {print ($2 != 0 && $3 != 0) ? "not root" : "root"}' /proc/$first/status)"
-for file in /usr/forbidden /etc/wholebody/forbidden /sys/forbidden; do
+for file in /usr/forbidden /etc/forbidden /sys/forbidden; do
   nsenter -t $first -m touch $file 2>&1 | sed 's/^touch: //'
 done
 nsenter -t $first -m sh -c 'ls -A /home /root 2>&1 | tr "\n" " "; echo'
@@ -83,7 +83,7 @@ echo "restarted after $(awk "BEGIN {printf \"%.2f\", $(date +%s.%N) - $before}")
 echo "after: $(mode)"
 systemctl stop $unit
 echo "stopped: $(property Result) $(property ExecMainStatus)"
-grep -E 'Watchdog timeout' /out/console | head -n 1
+grep -oE 'Watchdog timeout.*' /out/console | head -n 1
 echo end
 END
 
@@ -104,7 +104,7 @@ ln -s pts/ptmx dev/ptmx
 ln -s /proc/self/fd dev/fd
 for n in null zero full random urandom tty; do touch dev/\$n; mount --bind /dev/\$n dev/\$n; done
 touch dev/console
-mount --bind $out/console dev/console
+mount --bind \$(tty) dev/console
 mount -t tmpfs t run
 mount -t tmpfs t tmp
 mkdir -p out
@@ -124,16 +124,16 @@ exec env -i container=other PATH=/usr/sbin:/usr/bin:/sbin:/bin \
   /lib/systemd/systemd --system --unit=check.target --log-target=console --log-level=info --show-status=0
 END
 
-: >"$out/console"
-bash -c "echo \$\$ >'$cgroup/cgroup.procs'; exec unshare -m -p -f -n -i -u -C --kill-child=KILL bash '$out/inside'" \
-  >"$out/log" 2>&1 &
+# systemd wants a terminal as its console; `script` makes one and keeps what was said there.
+script -qefc "echo \$\$ >'$cgroup/cgroup.procs'; exec unshare -m -p -f -n -i -u -C --kill-child=KILL bash '$out/inside'" \
+  "$out/console" </dev/null >/dev/null 2>&1 &
 pid=$!
 for ((i = 0; i < 10 * patience_s; ++i)); do
   tail -n 1 "$out/seen" 2>/dev/null | grep -qx end && break
-  kill -0 "$pid" 2>/dev/null || { cat "$out/log"; fail "systemd did not stay"; }
+  kill -0 "$pid" 2>/dev/null || fail "systemd did not stay"
   sleep 0.1
 done
-tail -n 1 "$out/seen" 2>/dev/null | grep -qx end || { cat "$out/log"; fail "not done after $patience_s s"; }
+tail -n 1 "$out/seen" 2>/dev/null | grep -qx end || fail "not done after $patience_s s"
 
 sees() { grep -qE -- "$1" "$out/seen" || fail "not seen: $1"; }
 sees '^init: systemd$'
@@ -143,7 +143,7 @@ sees '^CapEff: 0000000000804000$'  # CAP_SYS_NICE, CAP_IPC_LOCK
 sees '^CapBnd: 0000000000804000$'
 sees '^uid: not root$'
 sees "'/usr/forbidden'.*Read-only file system"
-sees "'/etc/wholebody/forbidden'.*Read-only file system"
+sees "'/etc/forbidden'.*Read-only file system"
 sees "'/sys/forbidden'.*(Read-only file system|Permission denied)"
 sees '^before: "mode": "idle"$'
 sees '^restarted after .* restarts: 1$'
