@@ -158,6 +158,18 @@ TEST_F(Daemon, StampsInRealTimeAreRosTime) {
   EXPECT_EQ(running.terminate(), 0) << contents(running.err());
 }
 
+TEST_F(Daemon, StatusShowsTheDriversCountersUnderTheirNames) {
+  Process running = daemon({}, WB_SOURCE_DIR "/config/wholebodyd_real_time.yaml");
+  Process status = wbctl({"status", "--json", "--timeout_s", "30"});
+  ASSERT_EQ(status.exit_code(2 * kEndS), 0) << contents(status.err()) << contents(running.err());
+  const YAML::Node counters = YAML::Load(contents(status.out()))["counters"];
+  for (const char* name : {"sim.failed_reads", "sim.failed_writes", "sim.joint_faults"}) {
+    ASSERT_TRUE(counters[name]) << name << " in " << contents(status.out());
+    EXPECT_EQ(counters[name].as<int>(), 0) << name;
+  }
+  EXPECT_EQ(running.terminate(), 0) << contents(running.err());
+}
+
 TEST_F(Daemon, RefusesAMissingConfigurationFile) {
   Process process = daemon({"--lockstep"}, "/nowhere/wholebodyd.yaml");
   EXPECT_EQ(process.exit_code(), 1);
