@@ -3,8 +3,7 @@
 namespace wb::dds {
 
 Counters::Counters() {
-  static constexpr const char* kStreams[] = {
-      "joint_measurements", "imu", "wrench", "frames", "truth", "lease"};
+  static constexpr const char* kStreams[] = {"samples", "frames"};
   static constexpr const char* kKinds[] = {
       "malformed", "non_finite", "wrong_size", "wrong_source", "duplicate",   "out_of_order",
       "frozen",    "stale",      "future",     "encoding",     "uncalibrated"};
@@ -16,8 +15,9 @@ Counters::Counters() {
   }
   names_[kFrameLost] = "frames.lost";
   names_[kLeaseLost] = "lease.lost";
-  names_[kCommandUnsent] = "joint_commands.unsent";
-  names_[kTickUnanswered] = "tick.unanswered";
+  names_[kCommandUnsent] = "commands.unsent";
+  names_[kTickUnanswered] = "ticks.unanswered";
+  for (std::size_t i = 0; i < kSize; ++i) name_pointers_[i] = names_[i].c_str();
 }
 
 }  // namespace wb::dds

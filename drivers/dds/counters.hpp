@@ -1,5 +1,5 @@
-// What was refused, counted by stream and kind. Written by the DDS thread (and the one that
-// advances), read by any.
+// What was refused, counted by kind: samples (joints, IMU, wrench, truth) and camera frames.
+// Written by the DDS thread (and the one that advances), read by any.
 #pragma once
 #include <array>
 #include <atomic>
@@ -25,7 +25,7 @@ enum class Fault {
   kCount
 };
 
-enum class Stream { kMeasurements, kImu, kWrench, kFrames, kTruth, kLease, kCount };
+enum class Stream { kSamples, kFrames, kCount };
 
 class Counters {
  public:
@@ -43,7 +43,7 @@ class Counters {
     return counts_[index(stream, fault)].load(std::memory_order_relaxed);
   }
   static constexpr std::size_t size() { return kSize; }
-  const std::string& name(std::size_t i) const { return names_[i]; }
+  const char* const* names() const { return name_pointers_.data(); }  // as long as this lives
   std::uint64_t value(std::size_t i) const noexcept {
     return counts_[i].load(std::memory_order_relaxed);
   }
@@ -62,6 +62,7 @@ class Counters {
 
   std::array<std::atomic<std::uint64_t>, kSize> counts_{};
   std::array<std::string, kSize> names_;
+  std::array<const char*, kSize> name_pointers_;
 };
 
 }  // namespace wb::dds

@@ -10,6 +10,7 @@ struct wb_driver {
   wb_log log = nullptr;
   void* log_user = nullptr;
   wb_state state = WB_UNCONFIGURED;
+  wb_diagnostics diagnostics{};
 
   // Connects; throws config::ConfigError naming what is missing.
   explicit wb_driver(wb::dds::DdsConfig c)

@@ -98,18 +98,18 @@ void Link::take_all() {
     d.imu->take([&](const msg::Imu& m) {
       const Fault fault =
           convert(m, arrival(config_.sample_memory_ns), imu_gate_, exchange_.imu.writing());
-      if (counters_.count(Stream::kImu, fault) == Fault::kNone) exchange_.imu.publish();
+      if (counters_.count(Stream::kSamples, fault) == Fault::kNone) exchange_.imu.publish();
     });
   }
   if (d.wrench) {
     d.wrench->take([&](const msg::WrenchStamped& m) {
       const Fault fault =
           convert(m, arrival(config_.sample_memory_ns), wrench_gate_, exchange_.wrench.writing());
-      if (counters_.count(Stream::kWrench, fault) == Fault::kNone) exchange_.wrench.publish();
+      if (counters_.count(Stream::kSamples, fault) == Fault::kNone) exchange_.wrench.publish();
     });
   }
   if (d.truth) {
-    d.truth->take([&](const msg::Truth& m) { counters_.count(Stream::kTruth, truth_.store(m)); });
+    d.truth->take([&](const msg::Truth& m) { counters_.count(Stream::kSamples, truth_.store(m)); });
   }
   take_frames();
   if (d.grants) take_grants();
@@ -120,7 +120,7 @@ void Link::take_measurements() {
     Sample& sample = exchange_.measurements.writing();
     const Fault fault =
         gate_.convert(m, arrival(exchange_.paced ? 0 : config_.sample_memory_ns), sample);
-    if (counters_.count(Stream::kMeasurements, fault) != Fault::kNone) return;
+    if (counters_.count(Stream::kSamples, fault) != Fault::kNone) return;
     exchange_.measurements.publish();
     if (lease_ != 0) {
       if (m.lease_ == lease_) {

@@ -230,7 +230,7 @@ void Link::adopt(const msg::RobotDescription& robot) {
     for (std::size_t i = 0; same_joints && i < infos.size(); ++i)
       same_joints = std::strcmp(infos[i].name, description_.joints[i].name) == 0;
     if (!same_joints || robot.paced_ != config_.paced) {
-      counters_.count(Stream::kMeasurements, Fault::kWrongSource);
+      counters_.count(Stream::kSamples, Fault::kWrongSource);
       return;
     }
   } else {

@@ -7,7 +7,6 @@
 #include <exception>
 
 #include "drivers/dds/instance.hpp"
-#include "drivers/diagnostics.h"
 
 namespace wb::dds {
 namespace {
@@ -16,11 +15,16 @@ void tell(const wb_driver* driver, wb_log_level level, const std::string& text) 
   if (driver->log != nullptr) driver->log(driver->log_user, level, text.c_str());
 }
 
+void read_counters(const wb_driver* driver, std::uint64_t* values) {
+  for (std::size_t i = 0; i < Counters::size(); ++i) values[i] = driver->counters.value(i);
+}
+
 wb_driver* create(const char* config, const char*, wb_log log, void* log_user) {
   try {
     auto driver = std::make_unique<wb_driver>(DdsConfig::parse(config));
     driver->log = log;
     driver->log_user = log_user;
+    driver->diagnostics = {Counters::size(), driver->counters.names(), read_counters};
     const wb_description& d = driver->link.description();
     tell(driver.get(), WB_LOG_INFO,
          std::string(d.name) + ": " + std::to_string(d.joint_count) + " joints, " +
@@ -83,7 +87,10 @@ wb_status read(wb_driver* driver, wb_readings* out) {
     for (std::uint32_t i = 0; i < joints; ++i) {
       out->joints[i] = s->readings.joints[i];
       out->joints[i].age_ns += sample_age;
-      if (out->joints[i].age_ns > config.silence_ns) out->joints[i].valid = 0;
+      if (out->joints[i].age_ns > config.silence_ns) {
+        out->joints[i].valid = 0;
+        out->joints[i].status = WB_JOINT_LOST;
+      }
     }
     if (config.imu == DdsConfig::kMeasurements) out->imu = s->readings.imu;
     if (config.wrench == DdsConfig::kMeasurements) out->wrench = s->readings.wrench;
@@ -151,8 +158,11 @@ wb_status acquire_frame(wb_driver* driver, wb_frame* frame) {
     FrameRing& ring = driver->link.ring(c);
     const int slot = ring.acquire();
     if (slot < 0) continue;
-    *frame = {static_cast<std::uint32_t>(c), ring.t_ns(slot), ring.depth(slot), nullptr,
-              c * kSlots + static_cast<std::uint64_t>(slot)};
+    *frame = {};
+    frame->camera = static_cast<std::uint32_t>(c);
+    frame->t_ns = ring.t_ns(slot);
+    frame->depth = ring.depth(slot);
+    frame->token = c * kSlots + static_cast<std::uint64_t>(slot);
     return WB_OK;
   }
   return WB_NO_DATA;
@@ -168,35 +178,25 @@ wb_status advance(wb_driver* driver, std::int64_t t_ns) {
   Exchange& e = driver->exchange;
   if (!e.paced || driver->state == WB_UNCONFIGURED || t_ns < 0) return WB_BAD_STATE;
   e.tick_t_ns.store(std::max(t_ns, e.now()), std::memory_order_relaxed);
-  e.watch();
   const std::uint64_t tick = e.tick_asked.load(std::memory_order_relaxed) + 1;
   e.tick_asked.store(tick, std::memory_order_release);
   e.to_thread.ring();
   const TimeNs end = clock_ns(CLOCK_MONOTONIC) + driver->config.tick_timeout_ns;
-  while (e.tick_done.load(std::memory_order_acquire) < tick) {
+  bool answered = false;
+  while (!(answered = e.tick_done.load(std::memory_order_acquire) >= tick)) {
     const TimeNs rest = end - clock_ns(CLOCK_MONOTONIC);
-    if (rest <= 0) {
-      driver->counters.tick_unanswered();
-      return WB_TIMED_OUT;
-    }
+    if (rest <= 0) break;
     e.to_control.wait(rest);
   }
-  return WB_OK;
-}
-
-std::uint32_t counter_count(const wb_driver*) { return Counters::size(); }
-
-wb_status counter(const wb_driver* driver, std::uint32_t index, const char** name,
-                  std::uint64_t* value) {
-  if (index >= Counters::size()) return WB_ERROR;
-  *name = driver->counters.name(index).c_str();
-  *value = driver->counters.value(index);
-  return WB_OK;
+  // Not before: the robot stops in the midst of a tick, when the last command's time is up.
+  e.watch();
+  if (answered) return WB_OK;
+  driver->counters.tick_unanswered();
+  return WB_TIMED_OUT;
 }
 
 const void* get_extension(wb_driver* driver, const char* name) {
-  static const wb_diagnostics diagnostics = {counter_count, counter};
-  if (std::strcmp(name, WB_DIAGNOSTICS) == 0) return &diagnostics;
+  if (std::strcmp(name, WB_DIAGNOSTICS) == 0) return &driver->diagnostics;
   if (std::strcmp(name, WB_SIM_TRUTH) == 0 && driver->config.truth) return truth_table();
   return nullptr;
 }

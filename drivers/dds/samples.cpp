@@ -30,6 +30,23 @@ Fault StampGate::check(TimeNs stamp_ns, const Arrival& arrival) noexcept {
   return Fault::kNone;
 }
 
+double Quality::add(std::uint64_t sequence, TimeNs stamp_ns) noexcept {
+  const TimeNs part = stamp_ns / kPartNs;
+  // Parts of the second that passed without a measurement hold nothing any more.
+  for (TimeNs p = std::max(part_ + 1, part - kParts + 1); p <= part; ++p)
+    due_[p % kParts] = came_[p % kParts] = 0;
+  part_ = std::max(part_, part);
+  due_[part % kParts] += newest_ == 0 ? 1 : sequence - newest_;
+  came_[part % kParts] += 1;
+  newest_ = sequence;
+  double due = 0, came = 0;
+  for (int p = 0; p < kParts; ++p) {
+    due += static_cast<double>(due_[p]);
+    came += static_cast<double>(came_[p]);
+  }
+  return came / due;
+}
+
 void MeasurementGate::expect(std::uint64_t boot, std::uint32_t joint_count,
                              std::vector<std::uint32_t> joints, std::uint64_t session) {
   boot_ = boot;
@@ -38,6 +55,7 @@ void MeasurementGate::expect(std::uint64_t boot, std::uint32_t joint_count,
   joints_ = std::move(joints);
   sequence_ = 0;
   newest_ns_ = -1;
+  quality_ = {};
 }
 
 Fault MeasurementGate::convert(const msg::JointMeasurements& in, const Arrival& arrival,
@@ -52,10 +70,10 @@ Fault MeasurementGate::convert(const msg::JointMeasurements& in, const Arrival& 
   if (in.stamp_ns_ < newest_ns_ || (in.stamp_ns_ == newest_ns_ && session_ == 0))
     return Fault::kFrozen;
   for (const std::uint32_t j : joints_) {
-    if (in.status_[j] > 2 || in.age_ns_[j] < 0 || in.age_ns_[j] > kStampMax)
+    if (in.status_[j] > WB_JOINT_LOST || in.age_ns_[j] < 0 || in.age_ns_[j] > kStampMax)
       return Fault::kMalformed;
-    if (in.status_[j] != 0 && !(std::isfinite(in.position_[j]) && std::isfinite(in.velocity_[j]) &&
-                                std::isfinite(in.effort_[j])))
+    if (in.valid_[j] && !(std::isfinite(in.position_[j]) && std::isfinite(in.velocity_[j]) &&
+                          std::isfinite(in.effort_[j])))
       return Fault::kNonFinite;
   }
   if ((in.imu_valid_ && !(finite(in.gyro_, 3) && finite(in.acceleration_, 3))) ||
@@ -66,6 +84,7 @@ Fault MeasurementGate::convert(const msg::JointMeasurements& in, const Arrival& 
 
   sequence_ = in.sequence_;
   newest_ns_ = in.stamp_ns_;
+  const double quality = quality_.add(sequence_, newest_ns_);
   out.stamp_ns = in.stamp_ns_;
   out.lease = in.lease_;
   out.tick = in.tick_;
@@ -74,9 +93,16 @@ Fault MeasurementGate::convert(const msg::JointMeasurements& in, const Arrival& 
   r = {};
   for (std::size_t i = 0; i < joints_.size(); ++i) {
     const std::uint32_t j = joints_[i];
-    if (in.status_[j] == 0) continue;
-    r.joints[i] = {in.position_[j], in.velocity_[j], in.effort_[j], in.age_ns_[j],
-                   in.status_[j] == 1 ? 1u : 0u};
+    auto& joint = r.joints[i];
+    joint.quality = quality;
+    joint.status = in.status_[j];
+    joint.error_code = in.error_[j];
+    if (!in.valid_[j]) continue;
+    joint.position = in.position_[j];
+    joint.velocity = in.velocity_[j];
+    joint.effort = in.effort_[j];
+    joint.age_ns = in.age_ns_[j];
+    joint.valid = 1;
   }
   if (in.imu_valid_) {
     std::copy_n(in.gyro_, 3, r.imu.gyro);

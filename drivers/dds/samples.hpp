@@ -47,6 +47,19 @@ struct WrenchSample {
   double force[3] = {}, torque[3] = {};
 };
 
+// Share of the measurements of the last second that came in time, from their sequence numbers.
+class Quality {
+ public:
+  double add(std::uint64_t sequence, TimeNs stamp_ns) noexcept;
+
+ private:
+  static constexpr int kParts = 10;
+  static constexpr TimeNs kPartNs = kNanosPerSecond / kParts;
+  std::uint64_t newest_ = 0;
+  TimeNs part_ = -1;  // stamp / kPartNs
+  std::uint64_t due_[kParts] = {}, came_[kParts] = {};
+};
+
 // The stream of JointMeasurements of one low-level computer.
 class MeasurementGate {
  public:
@@ -61,6 +74,7 @@ class MeasurementGate {
   std::uint32_t joint_count_ = 0;
   std::vector<std::uint32_t> joints_;
   TimeNs newest_ns_ = -1;
+  Quality quality_;
 };
 
 Fault convert(const msg::Imu& in, const Arrival& arrival, StampGate& gate, ImuSample& out) noexcept;

@@ -12,7 +12,7 @@ const char* refuse(const msg::JointCommands& c, const wb_description& robot, Tim
   if (c.stamp_ns_ > now_ns + kFutureNs) return "from the future";
   if (memory_ns > 0 && c.stamp_ns_ < now_ns - memory_ns) return "too old";
   for (std::uint32_t i = 0; i < c.joint_count_; ++i) {
-    if (c.kind_[i] > WB_CMD_VELOCITY) return "unknown command kind";
+    if (c.kind_[i] > WB_CMD_TORQUE) return "unknown command kind";
     if (c.kind_[i] == WB_CMD_NONE) continue;
     if (!(robot.joints[i].command_kinds & (1u << c.kind_[i])))
       return "a joint does not take this kind of command";

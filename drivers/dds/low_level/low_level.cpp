@@ -55,7 +55,7 @@ struct LowLevel::Impl {
   Writer<msg::LeaseGrant> grants;
   Writer<msg::JointMeasurements> measurements;
   Writer<msg::RobotDescription> description;
-  std::optional<Writer<msg::Truth>> truth;
+  Writer<msg::Truth> truth;
   std::vector<Camera> cameras;
   Waitset waitset;
 
@@ -75,6 +75,8 @@ struct LowLevel::Impl {
   wb_readings readings{};
 
   std::uint64_t session = 0, tick = 0;
+  bool other_host = false;  // since the last tick
+  Truth last_truth;
   TimeNs tick_heard_ns = 0;
   TimeNs robot_t_ns = 0, offset_ns = 0;  // robot's time = the host's + offset
 
@@ -92,6 +94,7 @@ struct LowLevel::Impl {
         grants(participant, robot_topic(o.prefix, "lease_grant"), kEvents),
         measurements(participant, robot_topic(o.prefix, "joint_measurements"), kNewest),
         description(participant, robot_topic(o.prefix, "robot_description"), kLatched),
+        truth(participant, robot_topic(o.prefix, "truth"), kNewest),
         waitset(participant),
         leases(o.lease_silence_ns) {
     if (d.joint_count > WB_DRIVER_MAX_JOINTS || o.cameras.size() > 8 ||
@@ -185,6 +188,7 @@ struct LowLevel::Impl {
         command_sequence = heard_sequence = 0;
         refusal.clear();
         ++counts.leases;
+        robot.begin(actions.data());
       }
       if (answer.lease == 0) ++counts.refused_leases;
       grant.lease_ = answer.lease;
@@ -271,8 +275,8 @@ struct LowLevel::Impl {
   // --- measurements
 
   void read_robot() {
-    std::array<std::uint32_t, WB_DRIVER_MAX_JOINTS> errors{};
-    robot.read(readings, errors.data());
+    readings = {};
+    robot.read(readings);
     if (readings.emergency_stop && commanded && !stopped) stop_joints();
     msg::JointMeasurements& out = last;
     if (!faults.frozen || !have_last) {
@@ -282,8 +286,9 @@ struct LowLevel::Impl {
       out.joint_count_ = robot_info.joint_count;
       for (std::uint32_t i = 0; i < out.joint_count_; ++i) {
         const auto& joint = readings.joints[i];
-        out.status_[i] = !joint.valid ? 0 : errors[i] != 0 ? 2 : 1;
-        out.error_[i] = errors[i];
+        out.valid_[i] = joint.valid != 0;
+        out.error_[i] = joint.error_code;
+        out.status_[i] = static_cast<std::uint8_t>(status_of(joint.status, joint.error_code));
         out.age_ns_[i] = joint.age_ns;
         out.position_[i] = joint.position;
         out.velocity_[i] = joint.velocity;
@@ -311,6 +316,13 @@ struct LowLevel::Impl {
     copy_text(out.refusal_, refusal);
   }
 
+  std::uint32_t status_of(std::uint32_t said, std::uint32_t error) const {
+    if (said != WB_JOINT_UNKNOWN) return said;
+    if (error != 0) return WB_JOINT_FAULT;
+    if (stopped) return WB_JOINT_STOPPED;
+    return commanded ? WB_JOINT_FOLLOWING : WB_JOINT_DISABLED;
+  }
+
   void publish() {
     read_robot();
     if (faults.silent) return;
@@ -328,6 +340,13 @@ struct LowLevel::Impl {
     if (have_held) measurements.write(held);
     have_held = false;
     ++counts.measurements;
+  }
+
+  void publish(const Truth& t) {
+    TruthMessage message(t, options.paced ? offset_ns : 0);
+    message.get().boot_ = boot;
+    message.get().sequence_ = ++truth_sequence;
+    truth.write(message.get());
   }
 
   // --- a paced robot's time
@@ -350,6 +369,7 @@ struct LowLevel::Impl {
     }
     if (other) {
       session = t.session_;
+      other_host = true;
       offset_ns = robot_t_ns - t.t_ns_;
       for (Camera& camera : cameras) camera.frames = 0;
     }
@@ -372,7 +392,11 @@ struct LowLevel::Impl {
       }
       // The robot stamps frames and truth that it publishes meanwhile with its own time.
       robot_t_ns = t_robot;
+      const std::uint64_t told = truth_sequence;
       robot.advance(t_robot);
+      // A new host needs the truth at once, also when none is due.
+      if (other_host && told == truth_sequence && told != 0) publish(last_truth);
+      other_host = false;
       ++counts.ticks;
     }
     tick = t.number_;
@@ -448,12 +472,8 @@ void LowLevel::publish_depth(int index, TimeNs t_ns, const float* depth) {
 }
 
 void LowLevel::publish_truth(const Truth& truth) {
-  if (!impl_->truth)
-    impl_->truth.emplace(impl_->participant, robot_topic(impl_->options.prefix, "truth"), kNewest);
-  TruthMessage message(truth, impl_->options.paced ? impl_->offset_ns : 0);
-  message.get().boot_ = impl_->boot;
-  message.get().sequence_ = ++impl_->truth_sequence;
-  impl_->truth->write(message.get());
+  impl_->publish(truth);
+  if (&truth != &impl_->last_truth) impl_->last_truth = truth;
 }
 
 }  // namespace wb::dds

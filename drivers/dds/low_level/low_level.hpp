@@ -20,12 +20,15 @@ namespace wb::dds {
 // 0 if it is paced, else CLOCK_REALTIME (ROS time).
 struct LowLevelRobot {
   virtual ~LowLevelRobot() = default;
-  // The newest measurements; ages as of readings.t_ns; valid = 0: none. errors: the drives' codes.
-  virtual void read(wb_readings& readings, std::uint32_t* errors) = 0;
+  // The newest measurements; ages as of readings.t_ns. A joint's status may be left
+  // WB_JOINT_UNKNOWN: then the low-level side derives it from error_code and from what it does
+  // itself.
+  virtual void read(wb_readings& readings) = 0;
+  // A new lease: the time-out actions of its holder, one for each joint. Nothing moves yet.
+  virtual void begin(const wb_timeout_action* actions) {}
   // A command of the lease's holder: finite, of a kind that the joint takes, within its limits.
   virtual void apply(const wb_commands& commands) = 0;
-  // Time-out action now, until the next apply() (one for each joint). The first apply() after
-  // it is another holder's or another lease's.
+  // Time-out action now, one for each joint. The next apply() belongs to another lease.
   virtual void stop(const wb_timeout_action* actions) = 0;
   // Paced robots: goes on to t, publishing truth and frames that are due on the way. False: broken.
   virtual bool advance(TimeNs t) { return true; }

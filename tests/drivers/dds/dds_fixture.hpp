@@ -14,8 +14,8 @@
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <vector>
 
-#include "drivers/diagnostics.h"
 #include "drivers/sim/truth.h"
 #include "tests/drivers/dds/fake_robot.hpp"
 
@@ -99,10 +99,10 @@ class Plugin {
   std::uint64_t count(const std::string& name) const {
     const auto* d =
         static_cast<const wb_diagnostics*>(api_->get_extension(driver_, WB_DIAGNOSTICS));
-    for (std::uint32_t i = 0; i < d->count(driver_); ++i) {
-      const char* found = nullptr;
-      std::uint64_t value = 0;
-      if (d->counter(driver_, i, &found, &value) == WB_OK && name == found) return value;
+    std::vector<std::uint64_t> values(d->count);
+    d->read(driver_, values.data());
+    for (std::uint32_t i = 0; i < d->count; ++i) {
+      if (name == d->names[i]) return values[i];
     }
     throw std::runtime_error("no counter " + name);
   }
@@ -149,12 +149,13 @@ class DdsDriverTest : public ::testing::Test {
     return o;
   }
   // A plugin that takes everything, patient enough for a loaded machine.
-  static std::string config(bool paced = false, const std::string& more = "") {
+  static std::string config(bool paced = false, const std::string& more = "",
+                            int tick_timeout_ms = 20'000) {
     return "{domain: " + std::to_string(domain()) +
            ", prefix: robot, clock: " + (paced ? "paced" : "ros") +
            ", joints: all, imu: measurements, wrench: measurements, gripper: true, "
-           "sample_memory_ms: 400, silence_ms: 1000, tick_timeout_ms: 20000" +
-           more + "}";
+           "sample_memory_ms: 400, silence_ms: 1000, tick_timeout_ms: " +
+           std::to_string(tick_timeout_ms) + more + "}";
   }
 
   void start_low_level(bool paced = false) {

@@ -46,12 +46,11 @@ class FakeRobot : public LowLevelRobot {
   bool ignores_stop = false;
   bool moves_by_itself = false;
 
-  void read(wb_readings& out, std::uint32_t* errors) override {
+  void read(wb_readings& out) override {
     const std::lock_guard lock(mutex_);
     if (!paced_) run_to(clock_ns(CLOCK_REALTIME));
     readings_.t_ns = t_ns_;
     out = readings_;
-    std::copy_n(errors_, WB_DRIVER_MAX_JOINTS, errors);
   }
   void apply(const wb_commands& commands) override {
     const std::lock_guard lock(mutex_);
@@ -110,7 +109,7 @@ class FakeRobot : public LowLevelRobot {
     with([&](FakeRobot& r) { r.readings_.emergency_stop = pressed; });
   }
   void fail_joint(int i, std::uint32_t error) {
-    with([&](FakeRobot& r) { r.errors_[i] = error; });
+    with([&](FakeRobot& r) { r.readings_.joints[i].error_code = error; });
   }
   void age_joint(int i, TimeNs age) {
     with([&](FakeRobot& r) { r.readings_.joints[i].age_ns = age; });
@@ -143,7 +142,6 @@ class FakeRobot : public LowLevelRobot {
   const bool paced_;
   TimeNs t_ns_ = 0;
   wb_readings readings_{};
-  std::uint32_t errors_[WB_DRIVER_MAX_JOINTS] = {};
   wb_commands commands_{};
   bool moving_ = false;
   double travel_ = 0;

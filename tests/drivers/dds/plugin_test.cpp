@@ -39,16 +39,20 @@ TEST_F(PluginTest, ReadsWhatTheRobotMeasures) {
   EXPECT_LT(std::abs(to_seconds(clock_ns(CLOCK_MONOTONIC) - r.t_ns)), 1.0);
 }
 
-TEST_F(PluginTest, EachJointHasItsOwnAgeAndFaultyDrivesAreInvalid) {
+TEST_F(PluginTest, EachJointHasItsOwnAgeStatusAndErrorCode) {
   start();
   robot().age_joint(2, 70'000'000);
   robot().fail_joint(0, 0x8130);
   ASSERT_TRUE(wait_until([&] {
-    return plugin->read() == WB_OK && !plugin->readings.joints[0].valid &&
+    return plugin->read() == WB_OK && plugin->readings.joints[0].error_code == 0x8130 &&
            plugin->readings.joints[2].age_ns >= 70'000'000;
   }));
   EXPECT_TRUE(plugin->readings.joints[1].valid);
   EXPECT_LT(plugin->readings.joints[1].age_ns, plugin->readings.joints[2].age_ns);
+  EXPECT_EQ(plugin->readings.joints[0].status, WB_JOINT_FAULT);
+  EXPECT_EQ(plugin->readings.joints[1].status, WB_JOINT_DISABLED);
+  EXPECT_GT(plugin->readings.joints[1].quality, 0);
+  EXPECT_LE(plugin->readings.joints[1].quality, 1);
 }
 
 TEST_F(PluginTest, NothingMovesThatWasNotCommanded) {
@@ -97,6 +101,9 @@ TEST_F(PluginTest, BothSidesStopWhenWritesCeaseAndStayStoppedUntilActivated) {
   ASSERT_TRUE(wait_until([&] { return robot().stops() > 0; }));
   EXPECT_EQ(robot().stop_action(4), WB_TIMEOUT_BRAKE);
   ASSERT_TRUE(wait_until([&] { return plugin->read() == WB_OK && plugin->readings.timed_out; }));
+  EXPECT_TRUE(wait_until([&] {
+    return plugin->read() == WB_OK && plugin->readings.joints[0].status == WB_JOINT_STOPPED;
+  }));
   const double there = robot().travel();
   EXPECT_EQ(plugin->write(velocity_commands(5, 0.1)), WB_TIMED_OUT);
   sleep_s(0.05);
@@ -197,12 +204,11 @@ TEST_P(FaultySamples, AreCountedByKindAndDropped) {
 
 INSTANTIATE_TEST_SUITE_P(
     EachKind, FaultySamples,
-    ::testing::Values(
-        FaultCase{"Old", &LowLevelFaults::old_stamps, "joint_measurements.stale"},
-        FaultCase{"Future", &LowLevelFaults::future_stamps, "joint_measurements.future"},
-        FaultCase{"Duplicate", &LowLevelFaults::duplicate, "joint_measurements.duplicate"},
-        FaultCase{"Reordered", &LowLevelFaults::reorder, "joint_measurements.out_of_order"},
-        FaultCase{"Frozen", &LowLevelFaults::frozen, "joint_measurements.frozen"}),
+    ::testing::Values(FaultCase{"Old", &LowLevelFaults::old_stamps, "samples.stale"},
+                      FaultCase{"Future", &LowLevelFaults::future_stamps, "samples.future"},
+                      FaultCase{"Duplicate", &LowLevelFaults::duplicate, "samples.duplicate"},
+                      FaultCase{"Reordered", &LowLevelFaults::reorder, "samples.out_of_order"},
+                      FaultCase{"Frozen", &LowLevelFaults::frozen, "samples.frozen"}),
     [](const auto& info) { return info.param.name; });
 
 TEST_F(PluginTest, JointsMayBeAPartInAnotherOrder) {
