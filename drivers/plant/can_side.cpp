@@ -72,6 +72,8 @@ CanSide::CanSide(SimulatedRobot& robot, const can::PluginConfig& config) : robot
   }
 }
 
+CanSide::~CanSide() = default;
+
 void CanSide::serve(int timeout_ms) {
   std::optional<can::Tick> tick;
   for (auto& bus : buses_) {

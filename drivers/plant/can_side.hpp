@@ -16,6 +16,7 @@ class CanSide {
  public:
   // Throws std::runtime_error (a joint that the robot lacks, a socket that cannot be made).
   CanSide(SimulatedRobot& robot, const can::PluginConfig& config);
+  ~CanSide();
 
   bool paced() const { return buses_.front()->paced(); }
   // Paced: waits at most timeout_ms for the masters' tick, and runs buses and robot to its end.

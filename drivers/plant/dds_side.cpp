@@ -62,11 +62,11 @@ DdsSide::DdsSide(SimulatedRobot& robot, const DdsOptions& options)
       links_(robot_links(robot)),
       low_level_(low_level(robot, options), described(robot, options), *this) {}
 
-void DdsSide::read(wb_readings& readings, std::uint32_t* errors) {
+void DdsSide::read(wb_readings& readings) {
   readings = robot_.readings();
   for (std::uint32_t i = 0; i < robot_.description().joint_count; ++i) {
     readings.joints[i].valid = options_.joints && readings.joints[i].valid;
-    errors[i] = 0;
+    readings.joints[i].status = WB_JOINT_UNKNOWN;  // the low level knows who commands them
   }
   // The newest sample's stamp, on the protocol's clock.
   const TimeNs age = robot_.now() - readings.t_ns;

@@ -31,7 +31,7 @@ class DdsSide final : private dds::LowLevelRobot {
   std::uint64_t time_outs() const { return low_level_.counts().time_outs; }
 
  private:
-  void read(wb_readings& readings, std::uint32_t* errors) override;
+  void read(wb_readings& readings) override;
   void apply(const wb_commands& commands) override;
   void stop(const wb_timeout_action* actions) override;
   bool advance(TimeNs t) override;

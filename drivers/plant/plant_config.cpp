@@ -15,7 +15,7 @@ can::PluginConfig can_section(const Section& plant, const std::string& key) {
     if (std::filesystem::path(driver.text("plugin")).filename() == "libwb_driver_can.so")
       return can::PluginConfig::parse(driver.block("config"), file.parent_path());
   }
-  plant.fail(key, "'" + file.string() + "' has no driver libwb_driver_can.so");
+  plant.fail(key, file.string() + " has no driver libwb_driver_can.so");
 }
 
 }  // namespace
