@@ -75,11 +75,14 @@ CanSide::CanSide(SimulatedRobot& robot, const can::PluginConfig& config) : robot
 CanSide::~CanSide() = default;
 
 void CanSide::serve(int timeout_ms) {
+  // Asking also lets a master in, on each bus; a tick begins on all of them.
   std::optional<can::Tick> tick;
+  bool all = true;
   for (auto& bus : buses_) {
     tick = bus->requested_tick(timeout_ms);
-    if (!tick) return;
+    all = all && tick.has_value();
   }
+  if (!all) return;
   // Frames of a period first, then the physics of that period with the targets they brought.
   const TimeNs step = robot_.driver()->plant.step_ns();
   for (TimeNs t = robot_.now(); t < tick->bus_ns;) {

@@ -36,7 +36,7 @@ class PlantTest : public ::testing::Test {
     fs::remove_all(folder_);
   }
 
-  // Writes both files and starts the plant.
+  // Writes both files and starts the plant; returns when it is there, or has ended.
   void start_plant(const PlantOptions& o) {
     const std::string kind = o.can ? "can" : "dds";
     write("daemon.yaml", adapt(contents(config_ / ("wholebodyd_" + kind + ".yaml")), o));
@@ -47,6 +47,8 @@ class PlantTest : public ::testing::Test {
         std::vector<std::string>{WB_PLANT, "--config", folder_ / "plant.yaml", "--journal",
                                  folder_ / "journal.csv"},
         folder_ / "plant");
+    while (!plant_->ended() && plant_said().find("wb-plant: sim") == std::string::npos)
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
   fs::path daemon_file() const { return folder_ / "daemon.yaml"; }
   Process& plant() { return *plant_; }
