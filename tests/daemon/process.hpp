@@ -1,6 +1,7 @@
 // A program of the project as a child process of a test.
 #pragma once
 #include <fcntl.h>
+#include <sched.h>
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
@@ -30,13 +31,20 @@ class Process {
   // Bound on the end of a process that was told to end; reached only when a test fails.
   static constexpr double kEndS = 30;
 
-  Process(std::vector<std::string> command, const fs::path& output) : output_(output) {
+  // fifo_priority: of all its threads, where that is allowed; 0: ordinary.
+  Process(std::vector<std::string> command, const fs::path& output, int fifo_priority = 0)
+      : output_(output) {
     std::vector<char*> argv;
     for (auto& a : command) argv.push_back(a.data());
     argv.push_back(nullptr);
     child_ = fork();
     if (child_ != 0) return;
     prctl(PR_SET_PDEATHSIG, SIGKILL);
+    if (fifo_priority > 0) {
+      sched_param param{};
+      param.sched_priority = fifo_priority;
+      (void)sched_setscheduler(0, SCHED_FIFO, &param);
+    }
     dup2(::open(out().c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDOUT_FILENO);
     dup2(::open(err().c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDERR_FILENO);
     execv(argv[0], argv.data());
