@@ -118,7 +118,7 @@ class PlantFaults : public test::PlantTest {
       if (!wait_until([&] { return !outcome_.empty(); })) return false;
       if (!outcome_.starts_with("succeeded")) continue;
       ask("open", "drawer_1");
-      if (wait_until([&] { return moving(0.3) || !outcome_.empty(); }) && moving(0.3)) return true;
+      if (wait_until([&] { return moving(1.0) || !outcome_.empty(); }) && moving(1.0)) return true;
     }
     return false;
   }
@@ -160,11 +160,15 @@ class PlantFaults : public test::PlantTest {
   void dies(bool can, int signal, const char* what) {
     start(can);
     ASSERT_TRUE(set_in_motion()) << outcome_ << said();
+    // Looked up before, since that takes a while.
+    const pid_t control = test::find_thread(daemon_->id(), "control");
+    const std::uint64_t loop = signal == 0 ? test::find_endless_loop(daemon_->id()) : 0;
+    ASSERT_TRUE(moving(0.3));
     const Entry before = journal().back();
     if (signal != 0) {
       daemon_->send(signal);
     } else {
-      ASSERT_TRUE(test::make_spin(daemon_->id(), "control"));
+      ASSERT_TRUE(test::make_spin(control, loop));
     }
     expect_stop(what, before);
     expect_no_motion_from_a_new_daemon();

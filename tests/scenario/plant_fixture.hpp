@@ -76,7 +76,8 @@ class PlantTest : public ::testing::Test {
     if (!o.paced) {
       replace(text, "paced: true", "paced: false");
       replace(text, "clock: paced", "clock: ros");
-      // Half the rate: the hub is a process like others, and a bus's window ends at 0.8 of a period.
+      // Half the rate: the hub is a process like others, and a bus's window ends at 0.8 of a
+      // period.
       replace(text, "sync_rate_hz: 400", "sync_rate_hz: 200");
       replace(text, ", latency_ms: [0-9]+", "");
       replace(text, "(type: unix.*paced: false)", "$1, priority: 75");

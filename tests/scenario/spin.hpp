@@ -15,8 +15,6 @@
 
 namespace wb::test {
 
-namespace detail {
-
 inline pid_t find_thread(pid_t process, const std::string& name) {
   for (const auto& task :
        std::filesystem::directory_iterator("/proc/" + std::to_string(process) + "/task")) {
@@ -47,11 +45,7 @@ inline std::uint64_t find_endless_loop(pid_t process) {
   return 0;
 }
 
-}  // namespace detail
-
-[[nodiscard]] inline bool make_spin(pid_t process, const std::string& thread_name) {
-  const pid_t thread = detail::find_thread(process, thread_name);
-  const std::uint64_t loop = detail::find_endless_loop(process);
+[[nodiscard]] inline bool make_spin(pid_t thread, std::uint64_t loop) {
   if (thread == 0 || loop == 0 || ptrace(PTRACE_SEIZE, thread, nullptr, nullptr) != 0) return false;
   int status = 0;
   user_regs_struct registers{};
