@@ -128,24 +128,31 @@ void BusMaster::cycle(TimeNs now, const BusCommand& command) RT_SAFE {
 }
 
 void BusMaster::send(TimeNs now, const BusCommand& command) RT_SAFE {
+  // Targets, SYNC, and whatever else may wait: it must not delay the answers.
   std::array<Frame, kMaxDrives * JointProtocol::kFrames + 2> frames;
-  int count = 0;
+  std::array<Frame, kMaxDrives * JointProtocol::kFrames> others;
+  std::array<Frame, JointProtocol::kFrames> made;
+  std::size_t count = 0, later = 0;
+  for (Member& d : drives_) {
+    const int n = d.protocol->transmit(now, goal_of(d, command),
+                                       command.targets[static_cast<std::size_t>(d.joint)],
+                                       made.data());
+    for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
+      const bool target = made[i].id == cob::kRpdo1 + static_cast<std::uint32_t>(d.node_id);
+      (target ? frames[count++] : others[later++]) = made[i];
+    }
+  }
+  frames[count++].id = cob::kSync;
   if (now >= heartbeat_at_) {
     heartbeat_at_ = now + supervision_.heartbeat_ms * kMs;
-    Frame& beat = frames[static_cast<std::size_t>(count++)];
+    Frame& beat = frames[count++];
     beat.id = cob::kHeartbeat + static_cast<std::uint32_t>(supervision_.master_id);
     beat.length = 1;
     beat.data[0] = nmt::kOperational;
   }
-  for (Member& d : drives_) {
-    count += d.protocol->transmit(now, goal_of(d, command),
-                                  command.targets[static_cast<std::size_t>(d.joint)],
-                                  &frames[static_cast<std::size_t>(count)]);
-  }
-  Frame& sync = frames[static_cast<std::size_t>(count++)];
-  sync.id = cob::kSync;
-  const int taken = port_.send(frames.data(), count);
-  if (taken == count) {
+  std::copy_n(others.begin(), later, frames.begin() + static_cast<std::ptrdiff_t>(count));
+  count += later;
+  if (port_.send(frames.data(), static_cast<int>(count)) == static_cast<int>(count)) {
     refused_ = 0;
     return;
   }

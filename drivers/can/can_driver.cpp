@@ -120,9 +120,12 @@ wb_status CanDriver::configure() {
   if (state_ != WB_UNCONFIGURED) return WB_BAD_STATE;
   const Supervision& s = config_.supervision;
   const TimeNs limit = s.setup_timeout_ms * kMs;
+  ++command_.activation;  // drives whose set-up failed before try again
+  publish_command(false, now());
+  refresh();
   if (pacer_) {
     const TimeNs end = pacer_->bus_time() + limit;
-    while (!all_ready() && pacer_->bus_time() < end) {
+    while (!all_ready() && !hopeless() && pacer_->bus_time() < end) {
       for (auto& bus : buses_) run_cycle(*bus, pacer_->bus_time());
       if (!pacer_->advance({pacer_->bus_time() + s.period_ns(), kNoHostTime})) {
         report({pacer_->bus_time(), Event::kBusTimeout, -1, -1, 0}, 1);
@@ -141,7 +144,7 @@ wb_status CanDriver::configure() {
                           [this, bus](TimeNs t) { collect(*bus, t); }});
     }
     const TimeNs end = monotonic_ns() + limit;
-    while (!all_ready() && monotonic_ns() < end) {
+    while (!all_ready() && !hopeless() && monotonic_ns() < end) {
       const timespec wait{0, 5 * kMs};
       nanosleep(&wait, nullptr);
       refresh();
@@ -165,6 +168,17 @@ bool CanDriver::all_ready() RT_SAFE {
     if (joint(i).t_ns < 0 || joint(i).status == JointStatus::kLost) return false;
   }
   return true;
+}
+
+// Every drive is ready or failed, and one failed.
+bool CanDriver::hopeless() const RT_SAFE {
+  int ready = 0, failed = 0;
+  for (const BusReadings* r : readings_) {
+    if (!r) continue;
+    ready += r->ready;
+    failed += r->failed;
+  }
+  return failed > 0 && ready + failed == static_cast<int>(config_.drives.size());
 }
 
 void CanDriver::refresh() RT_SAFE {

@@ -51,7 +51,7 @@ struct Cia402Node::State {
   std::uint16_t status_bits = 0;
   // Measured values as they stood when `frozen` was switched on.
   bool was_frozen = false;
-  std::int32_t position = 0, velocity = 0;
+  std::int32_t position = 0, velocity = 0, mirror = 0;
   std::int16_t torque = 0;
 
   void build() {
@@ -109,7 +109,7 @@ struct Cia402Node::State {
     rw(object::kInterpolationPeriod, 1, 1, 10);
     rw(object::kInterpolationPeriod, 2, 1, static_cast<std::uint8_t>(-4));  // 10 * 10^-4 s
     rw(object::kTargetVelocity, 0, 4, 0);
-    ro(object::kSupportedModes, 0, 4, 0x380);  // CSP, CSV, CST
+    ro(object::kSupportedModes, 0, 4, options.supported_modes);
   }
 
   DriveMachine::Limits limits() const {
@@ -258,6 +258,8 @@ struct Cia402Node::State {
       torque = options.scale.torque_permille(model.torque());
     }
     was_frozen = faults.frozen;
+    if (!faults.reversed) mirror = position;
+    if (faults.reversed) position = 2 * mirror - position;
     objects.set(
         object::kStatusword, 0,
         static_cast<std::uint16_t>((machine.statusword() | status_bits) ^ faults.statusword_xor));
