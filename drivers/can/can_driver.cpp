@@ -122,7 +122,7 @@ wb_status CanDriver::configure() {
   const TimeNs limit = s.setup_timeout_ms * kMs;
   ++command_.activation;  // drives whose set-up failed before try again
   publish_command(false, now());
-  refresh();
+  configured_at_ = now();
   if (pacer_) {
     const TimeNs end = pacer_->bus_time() + limit;
     while (!all_ready() && !hopeless() && pacer_->bus_time() < end) {
@@ -174,7 +174,7 @@ bool CanDriver::all_ready() RT_SAFE {
 bool CanDriver::hopeless() const RT_SAFE {
   int ready = 0, failed = 0;
   for (const BusReadings* r : readings_) {
-    if (!r) continue;
+    if (!r || r->t_ns < configured_at_ + 2 * config_.supervision.period_ns()) continue;
     ready += r->ready;
     failed += r->failed;
   }

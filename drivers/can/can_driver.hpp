@@ -105,6 +105,7 @@ class CanDriver final : public EventSink {
   std::vector<std::array<TimeNs, kEvents>> logged_at_;
 
   wb_state state_ = WB_UNCONFIGURED;
+  TimeNs configured_at_ = 0;
   BusCommand command_;
   std::array<const BusReadings*, kMaxDrives> readings_{};  // by bus
   JointMeasurement nothing_;

@@ -118,12 +118,12 @@ std::vector<FaultRow> make_rows() {
        [](Rig& r) { bus(r).set_plugged(master(r), true); }},
       {"5",
        "late TPDOs do not count",
-       "node answers 2.2 ms after SYNC",
+       "node answers 1.6 ms after SYNC (window: 2 ms after the cycle's start)",
        R::kStop,
        {E::kTpdoLost, E::kTpdoLate},
        20,
        kActivate,
-       [](Rig& r) { node(r).faults().tpdo_delay_ns = 2'200'000; },
+       [](Rig& r) { node(r).faults().tpdo_delay_ns = 1'600'000; },
        [](Rig& r) { node(r).faults().tpdo_delay_ns = 0; }},
       {"6",
        "a TPDO comes twice",
@@ -585,14 +585,14 @@ std::vector<FaultRow> make_rows() {
        R::kStop,
        {E::kBusOff, E::kBusOffLimit},
        7.5,
-       "configure again (until then out of use)",
+       "a new plugin instance (restart of the daemon)",
        [](Rig& r) {
          for (int i = 0; i < 4; ++i) {
            bus(r).set_link(master(r), LinkState::kBusOff);
            bus(r).set_link(master(r), LinkState::kActive);
          }
        },
-       {}},
+       [](Rig& r) { r.restart(); }},
       {"34",
        "controller hangs",
        "no call for 0.5 s, the bus goes on; drives stop alone",

@@ -38,7 +38,6 @@ void Sniffer::received(const Frame& frame) noexcept {
 
 Rig::Rig(const RigOptions& options) : options_(options) {
   config_.supervision = options.supervision;
-  std::vector<CanPort*> all;
   for (int b = 0; b < options.buses; ++b) {
     BusConfig bus;
     bus.name = "bus" + std::to_string(b);
@@ -49,7 +48,6 @@ Rig::Rig(const RigOptions& options) : options_(options) {
     ports.push_back(std::make_unique<GatePort>(*bus_ports.back()));
     sniffers.push_back(std::make_unique<Sniffer>());
     buses.back()->attach("sniffer", sniffers.back().get());
-    all.push_back(ports.back().get());
     for (int i = 0; i < options.drives; ++i) {
       DriveConfig d;
       NodeOptions n;
@@ -73,7 +71,19 @@ Rig::Rig(const RigOptions& options) : options_(options) {
     }
   }
   pacer = std::make_unique<InProcessPacer>(buses);
+  make_driver();
+}
+
+void Rig::make_driver() {
+  std::vector<CanPort*> all;
+  for (auto& port : ports) all.push_back(port.get());
   driver = std::make_unique<CanDriver>(config_, all, pacer.get());
+}
+
+bool Rig::restart() {
+  driver.reset();
+  make_driver();
+  return driver->configure() == WB_OK;
 }
 
 Rig::~Rig() = default;

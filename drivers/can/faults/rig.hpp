@@ -103,6 +103,8 @@ class Rig {
 
   bool start();  // configure, activate, and half a second of motion; false: not all follow
   wb_status activate();
+  // Another driver on the same buses, as after a restart of the daemon; configured.
+  bool restart();
   // Control ticks for this long; `each` after every one, ends the run when it returns false.
   void run(double seconds, const std::function<bool()>& each = {});
   // The buses go on, the controller does not call.
@@ -143,6 +145,7 @@ class Rig {
 
  private:
   void compose();
+  void make_driver();
   RigOptions options_;
   PluginConfig config_;
   TimeNs now_ = 0;

@@ -62,7 +62,8 @@ void check_latch(const FaultRow& row, Rig& rig, const std::vector<std::uint64_t>
                  FaultResult& r) {
   bool refused = true;
   const auto watch = [&] {
-    refused = refused && (rig.driver->state() != WB_ACTIVE || rig.written == WB_TIMED_OUT);
+    const bool asks = rig.commanding && rig.driver->state() == WB_ACTIVE;
+    refused = refused && (!asks || rig.written == WB_TIMED_OUT);
     return true;
   };
   const auto stopped_at = rig.positions();
@@ -97,9 +98,9 @@ FaultResult run_stop(const FaultRow& row, Rig& rig) {
   r.detected = expected(row, rig.driver->stop_event()) && r.detection_ms <= row.bound_ms;
   rig.run(kSettle_s);
   r.reacted = holds && rig.none_follows() && !rig.any_enabled() && rig.readings.timed_out;
-  check_latch(row, rig, enabling, r);
   r.counted = counted(row, rig) > count_before;
   r.logged = logged(row, rig, log_from);
+  check_latch(row, rig, enabling, r);
   r.recovered = recover(rig);
   return r;
 }
@@ -117,7 +118,7 @@ FaultResult run_go_on(const FaultRow& row, Rig& rig) {
   rig.run(1e-3 * row.bound_ms + 0.1,
           [&] { return !row.events.empty() && counted(row, rig) == count_before; });
   if (row.events.empty()) rig.tick();
-  r.detection_ms = 1e3 * to_seconds(rig.now() - injected);
+  r.detection_ms = row.events.empty() ? 0 : 1e3 * to_seconds(rig.now() - injected);
   r.counted = counted(row, rig) > count_before || row.events.empty();
   r.detected = r.counted && r.detection_ms <= row.bound_ms;
   for (const Event e : row.events) {

@@ -399,7 +399,7 @@ void Cia402Node::raise(std::uint16_t error_code) noexcept {
   if (error_code != 0) state_->machine.fault(error_code);
 }
 void Cia402Node::send_emergency(std::uint16_t code) noexcept { state_->emergency(code); }
-void Cia402Node::enter_quick_stop() noexcept { state_->machine.quick_stop(); }
+void Cia402Node::enter_quick_stop() noexcept { state_->machine.quick_stop(true); }
 void Cia402Node::set_limit_bit(bool on) noexcept {
   state_->status_bits = static_cast<std::uint16_t>(on ? state_->status_bits | statusword::kLimit
                                                       : state_->status_bits & ~statusword::kLimit);
