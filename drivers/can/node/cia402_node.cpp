@@ -253,13 +253,17 @@ struct Cia402Node::State {
 
   void measure() noexcept {
     if (!faults.frozen || !was_frozen) {
-      position = options.scale.position_counts(model.position());
+      // The counter wraps, as a drive's does.
+      position = static_cast<std::int32_t>(
+          static_cast<std::uint32_t>(options.scale.position_counts64(model.position())));
       velocity = options.scale.velocity_counts(model.velocity());
       torque = options.scale.torque_permille(model.torque());
     }
     was_frozen = faults.frozen;
     if (!faults.reversed) mirror = position;
-    if (faults.reversed) position = 2 * mirror - position;
+    if (faults.reversed)
+      position = static_cast<std::int32_t>(2u * static_cast<std::uint32_t>(mirror) -
+                                           static_cast<std::uint32_t>(position));
     objects.set(
         object::kStatusword, 0,
         static_cast<std::uint16_t>((machine.statusword() | status_bits) ^ faults.statusword_xor));
