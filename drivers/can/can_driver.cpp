@@ -286,7 +286,12 @@ wb_status CanDriver::check_joint(std::size_t i, const wb_commands& c, TimeNs at)
   const double value = d.mode == DriveMode::kCsp   ? in.position
                        : d.mode == DriveMode::kCsv ? in.velocity
                                                    : in.effort;
-  if (!std::isfinite(value)) return WB_ERROR;
+  // Velocity and effort beside a position are feed-forward, which these drives do not take; a
+  // command that is not a number is refused all the same.
+  const bool finite =
+      std::isfinite(value) &&
+      (d.mode != DriveMode::kCsp || (std::isfinite(in.velocity) && std::isfinite(in.effort)));
+  if (!finite) return WB_ERROR;
   if (d.mode == DriveMode::kCsv) return std::abs(value) <= d.velocity_max ? WB_OK : WB_ERROR;
   if (d.mode == DriveMode::kCst) return std::abs(value) <= d.effort_max ? WB_OK : WB_ERROR;
   if (d.position_max > d.position_min && (value < d.position_min || value > d.position_max))

@@ -73,8 +73,7 @@ TEST(CanDriver, NothingMovesBeforeTheFirstWriteAndNoneWithoutActivate) {
   ASSERT_EQ(rig.activate(), WB_OK);
   rig.run(0.045);  // within the command's time-out
   EXPECT_TRUE(rig.any_enabled());
-  for (std::size_t i = 0; i < before.size(); ++i)
-    EXPECT_NEAR(rig.positions()[i], before[i], 1e-9);
+  for (std::size_t i = 0; i < before.size(); ++i) EXPECT_NEAR(rig.positions()[i], before[i], 1e-9);
 }
 
 TEST(CanDriver, EveryModeFollowsItsTargets) {
