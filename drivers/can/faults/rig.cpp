@@ -26,6 +26,24 @@ constexpr double kTorque = 0.5;                       // Nm
 
 }  // namespace
 
+int GatePort::send(const Frame* frames, int count) RT_SAFE {
+  const int offered = take_at_most >= 0 && take_at_most < count ? take_at_most : count;
+  refused_ += static_cast<std::uint64_t>(count - offered);
+  for (int i = 0; i < offered && sent; ++i) sent(frames[i]);
+  return port_.send(frames, offered);
+}
+
+int GatePort::receive(Frame* frames, int capacity) RT_SAFE {
+  int n = 0;
+  for (; n < capacity && !inject.empty(); ++n) {
+    frames[n] = inject.back();
+    inject.pop_back();
+  }
+  if (n < capacity) n += port_.receive(frames + n, capacity - n);
+  for (int i = 0; i < n && got; ++i) got(frames[i]);
+  return n;
+}
+
 void Sniffer::received(const Frame& frame) noexcept {
   if (frame.id > cob::kRpdo1 && frame.id < cob::kRpdo1 + 0x80 && frame.length >= 2 &&
       controlword::enables(static_cast<std::uint16_t>(get_bytes(frame.data.data(), 2))))
