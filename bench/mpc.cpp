@@ -96,6 +96,8 @@ int main(int argc, char** argv) {
     figures.push_back({"options_32_s", ranking.options_32_s, "s", 1.5});
     figures.push_back({"options_agreeing_of_32", 32.0 * ranking.agreeing / ranking.scenes, "", 30.0,
                        Better::kHigher});
+    figures.push_back(
+        {"options_winners", static_cast<double>(ranking.winners), "", 2.0, Better::kHigher});
     figures.push_back({"options_worst_regret", 100 * ranking.worst_regret, "%", {}});
     figures.push_back({"static_goal_error_mm", static_goal_error_mm(), "mm", 2.0});
     const double ours = closed_loop_cost(kGrid4s, calls, 1, 0.0);
