@@ -8,6 +8,7 @@
 #include "bench/mpc_parts/derivative_check.hpp"
 #include "bench/mpc_parts/optimality_check.hpp"
 #include "bench/mpc_parts/ranking.hpp"
+#include "bench/mpc_parts/scaling.hpp"
 #include "bench/mpc_parts/timing.hpp"
 
 namespace {
@@ -42,6 +43,17 @@ void add_timing(std::vector<Figure>& figures) {
   figures.push_back({"rate_over_limit_percent", over, "%", 1.0});
   figures.push_back({"allocations_per_solve", allocations, "", 0.0});
   figures.push_back({"policy_evaluation_us", policy_evaluation_us(), "us", 1.0});
+}
+
+void add_scaling(std::vector<Figure>& figures) {
+  using namespace wb::bench;
+  const std::vector<ScalingPoint> points = scaling();
+  for (const ScalingPoint& p : points)
+    figures.push_back(
+        {"solve_ms_" + p.over + "_" + std::to_string(p.count), p.median_ms, "ms", {}});
+  for (const char* over : {"nodes", "spheres"})
+    figures.push_back(
+        {std::string("linearity_") + over, linearity(points, over), "", 0.9, Better::kHigher});
 }
 
 // Over all robots of config/robots.
@@ -91,6 +103,7 @@ int main(int argc, char** argv) {
   std::vector<Figure> figures;
   add_timing(figures);
   if (!timing_only) {
+    add_scaling(figures);
     add_checks(figures, seed);
     const RankingResult ranking = rank_options(scenes, seed);
     figures.push_back({"options_32_s", ranking.options_32_s, "s", 1.5});
