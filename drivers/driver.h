@@ -1,5 +1,8 @@
-/* Driver plugin ABI of Wholebody, plain C. A plugin is a shared object that exports
- * wb_driver_entry.
+/* Driver plugin ABI of Wholebody, plain C, version 1, frozen. A plugin is a shared object that
+ * exports wb_driver_entry. The rule: what this header says of version 1 never changes, neither a
+ * field nor a meaning; anything new is an extension (get_extension, a name with a number of its
+ * own), and what cannot be one makes version 2, a header beside this one. The host refuses every
+ * other number and names both.
  *
  * Threads: describe, configure, activate, deactivate, destroy: setup (may block, allocate, log).
  * read, write, stop, advance: ports, called by one thread (control): bounded, non-blocking, no
@@ -34,7 +37,27 @@ typedef enum {
   WB_INACTIVE = 1,
   WB_ACTIVE = 2
 } wb_state; /* inactive reads, active moves */
-typedef enum { WB_CMD_NONE = 0, WB_CMD_IMPEDANCE = 1, WB_CMD_VELOCITY = 2 } wb_command_kind;
+/* What a joint is asked to do. A joint supports those that its wb_joint_info::command_kinds names;
+ * write refuses others. NONE: the time-out action at once. IMPEDANCE: effort = stiffness (position
+ * - q) + damping (velocity - dq) + effort. POSITION: position, with velocity and effort as
+ * feed-forward. VELOCITY: velocity. TORQUE: effort. Always clipped to the joint's limits. */
+typedef enum {
+  WB_CMD_NONE = 0,
+  WB_CMD_IMPEDANCE = 1,
+  WB_CMD_VELOCITY = 2,
+  WB_CMD_POSITION = 3,
+  WB_CMD_TORQUE = 4
+} wb_command_kind;
+/* What a joint is doing, whatever was asked of it. Only WB_JOINT_FOLLOWING moves by command. A
+ * drive whose state the plugin cannot name is WB_JOINT_UNKNOWN, and unknown is not safe. */
+typedef enum {
+  WB_JOINT_UNKNOWN = 0,
+  WB_JOINT_DISABLED = 1,  /* no power at the drive, or brake on */
+  WB_JOINT_FOLLOWING = 2, /* follows commands */
+  WB_JOINT_STOPPED = 3,   /* the time-out action or a stop holds it; latched until activate */
+  WB_JOINT_FAULT = 4,     /* the drive reports an error: error_code */
+  WB_JOINT_LOST = 5       /* nothing heard from the drive for longer than the plugin allows */
+} wb_joint_status;
 typedef enum { WB_TIMEOUT_HOLD = 0, WB_TIMEOUT_DAMPED = 1, WB_TIMEOUT_BRAKE = 2 } wb_timeout_action;
 typedef enum { WB_LOG_DEBUG = 0, WB_LOG_INFO = 1, WB_LOG_WARN = 2, WB_LOG_ERROR = 3 } wb_log_level;
 
@@ -68,8 +91,11 @@ typedef struct {
   int64_t t_ns; /* of the newest sample */
   struct {
     double position, velocity, effort;
-    int64_t age_ns;
-    uint32_t valid;
+    int64_t age_ns;      /* of this joint's sample, at the time of read */
+    double quality;      /* share of the samples due in the last second that came in time, 0 to 1 */
+    uint32_t status;     /* wb_joint_status */
+    uint32_t error_code; /* the drive's own, 0: none */
+    uint32_t valid;      /* position, velocity and effort are this drive's and fresh enough */
   } joints[WB_DRIVER_MAX_JOINTS];
   struct {
     double gyro[3], acceleration[3];
@@ -101,10 +127,23 @@ typedef struct {
 typedef struct {
   uint32_t camera;       /* index in the description */
   int64_t t_ns;          /* exposure */
-  const float* depth;    /* width * height, z-depth [m], +inf where there is no return */
+  const float* depth;    /* width * height, z-depth [m], +inf where there is no return; or null */
   const uint8_t* colour; /* width * height * 3, or null */
-  uint64_t token;        /* for release_frame */
+  const float* points;   /* point_count * 3: x, y, z [m] in the camera's link; or null */
+  uint32_t point_count;
+  uint64_t token; /* for release_frame */
 } wb_frame;
+
+/* Extension "wb.diagnostics/1" (get_extension returns one of these): the plugin's counters, for
+ * metrics. names: count texts that live as long as the plugin. read: any thread; fills count
+ * values.
+ */
+typedef struct {
+  uint32_t count;
+  const char* const* names;
+  void (*read)(const wb_driver*, uint64_t* values);
+} wb_diagnostics;
+#define WB_DIAGNOSTICS "wb.diagnostics/1"
 
 typedef void (*wb_log)(void* user, wb_log_level level,
                        const char* text); /* never called from a port */

@@ -109,8 +109,15 @@ wb_status read(wb_driver* driver, wb_readings* out) {
     *out = driver->plant.readings();
     out->t_ns += driver->offset_ns;
   }
-  for (std::size_t i = 0; i < driver->plant.servos().drives().size(); ++i)
+  const sim::Servos& servos = driver->plant.servos();
+  const wb_joint_status status = servos.timed_out()   ? WB_JOINT_STOPPED
+                                 : servos.following() ? WB_JOINT_FOLLOWING
+                                                      : WB_JOINT_DISABLED;
+  for (std::size_t i = 0; i < servos.drives().size(); ++i) {
     out->joints[i].age_ns = driver->now_ns() - out->t_ns;
+    out->joints[i].quality = 1.0;
+    out->joints[i].status = status;
+  }
   out->emergency_stop = driver->faults.emergency_stop;
   out->timed_out = driver->plant.servos().timed_out();
   return WB_OK;

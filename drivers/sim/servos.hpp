@@ -34,6 +34,7 @@ class Servos {
   void stop() noexcept;
   bool active() const noexcept { return active_; }
   bool timed_out() const noexcept { return authority_ == Authority::kTimeOut; }
+  bool following() const noexcept { return authority_ == Authority::kCommands; }
 
   // Sets the motors' torques for the next physics step from the state now.
   void apply(mjData& data, TimeNs now_ns) noexcept;
