@@ -33,7 +33,7 @@ struct BaseConfig {
 
 struct JointConfig {
   std::string name;
-  double acceleration_max = 0;  // rad/s^2
+  double acceleration_max = 0;  // rad/s^2; m/s^2 of a prismatic joint
 };
 
 struct CameraConfig {
@@ -67,8 +67,8 @@ struct RobotConfig {
   std::string end_effector;     // URDF link E
   std::string shoulder_camera;  // which camera measures the handle
   double gripper_opening_max_m = 0;
-  std::vector<double> stowed;  // q [rad]: arm folded up over the base
-  std::vector<double> ready;   // q [rad]: hand in front, at the height of a drawer's handle
+  std::vector<double> stowed;  // q [rad or m]: arm folded up over the base
+  std::vector<double> ready;   // q [rad or m]: hand in front, at the height of a drawer's handle
   std::vector<CameraConfig> cameras;
   std::vector<SphereConfig> spheres;
   std::vector<CapsuleConfig> capsules;
