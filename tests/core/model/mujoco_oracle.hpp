@@ -144,6 +144,7 @@ class MujocoOracle {
       if (axes.determinant() < 0) axes.col(2) *= -1;
       const Eigen::Quaterniond q(axes);
       const int body = id(mjOBJ_BODY, name);
+      model_->body_sameframe[body] = 0;  // its own axes may have been the body's, these are not
       Eigen::Map<Eigen::Vector3d>(model_->body_inertia + 3 * body) = solver.eigenvalues();
       Eigen::Map<Eigen::Vector4d>(model_->body_iquat + 4 * body) << q.w(), q.x(), q.y(), q.z();
     }
