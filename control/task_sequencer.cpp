@@ -71,7 +71,7 @@ void TaskSequencer::measure_reach() {
     const JointLimits& l = model_->limits(i - 1);
     const Eigen::Vector3d here = data.X_WL[i].translation();
     arm_reach_m_ += (here - last).norm();
-    if (model_->slides(i - 1)) arm_reach_m_ += std::max(std::abs(l.lower), std::abs(l.upper));
+    if (model_->prismatic(i)) arm_reach_m_ += std::max(std::abs(l.lower), std::abs(l.upper));
     last = here;
   }
   arm_reach_m_ += (model_->X_WF(model_->end_effector(), data).translation() - last).norm();

@@ -80,7 +80,6 @@ class RobotModel {
   }
   int nu() const { return base_inputs() + joints(); }
   const JointLimits& limits(int joint) const { return limits_[joint]; }
-  bool slides(int joint) const { return bodies_[joint + 1].prismatic; }
   double mass() const { return mass_; }
 
   // Frames are URDF links, also merged ones. frame() throws for an unknown name (setup only).
