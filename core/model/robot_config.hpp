@@ -65,9 +65,9 @@ struct RobotConfig {
   std::vector<JointConfig> joints;  // the order of q
   std::vector<std::string>
       fingers;  // prismatic joints of the gripper; total opening = sum of their positions
-  std::string end_effector;     // URDF link E
+  std::string end_effector;                     // URDF link E
   std::vector<std::string> more_end_effectors;  // other links that a Reference may lead
-  std::string shoulder_camera;  // which camera measures the handle
+  std::string shoulder_camera;                  // which camera measures the handle
   double gripper_opening_max_m = 0;
   std::vector<double> stowed;  // q [rad]: arm folded up over the base
   std::vector<double> ready;   // q [rad]: hand in front, at the height of a drawer's handle

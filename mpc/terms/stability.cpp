@@ -23,8 +23,8 @@ class StabilityTerm final : public Term {
     const RobotModel::Data& data = node.kinematics;
     RobotModel::Subtrees subtrees;
     model_->subtrees(data, subtrees);
-    const Eigen::Vector3d p_B = data.X_WL[0].linear().transpose() *
-                                (subtrees.com_W[0] - data.X_WL[0].translation());
+    const Eigen::Vector3d p_B =
+        data.X_WL[0].linear().transpose() * (subtrees.com_W[0] - data.X_WL[0].translation());
     const Eigen::Vector2d d = p_B.head<2>() - centre_B_;
     const double z = 0.5 * (radius_ - d.squaredNorm() / radius_) - margin_;
     node.violation = std::max(node.violation, -z);

@@ -65,7 +65,8 @@ class WrenchTerm final : public Term {
     const Eigen::Vector3d axis = data.axis_W[i], origin = data.X_WL[i].translation();
     const Eigen::Vector3d weight(0, 0, kGravity * subtrees.mass[i]);  // what the motor holds up
     const bool slides = model_->prismatic(i);
-    Eigen::Vector3d load = slides ? weight : Eigen::Vector3d((subtrees.com_W[i] - origin).cross(weight));
+    Eigen::Vector3d load =
+        slides ? weight : Eigen::Vector3d((subtrees.com_W[i] - origin).cross(weight));
     std::array<Eigen::Vector3d, kMaxEndEffectors> p, f;
     std::array<bool, kMaxEndEffectors> pushed{};
     for (int k = 0; k < model_->end_effectors(); ++k) {
@@ -101,12 +102,12 @@ class WrenchTerm final : public Term {
       } else if (carries(i, j) && !slides) {
         // Joint j moves a part of what joint i carries.
         const auto motion = [&](const Eigen::Vector3d& point) {
-          return model_->prismatic(j) ? data.axis_W[j]
-                                      : Eigen::Vector3d(data.axis_W[j].cross(
-                                            point - data.X_WL[j].translation()));
+          return model_->prismatic(j)
+                     ? data.axis_W[j]
+                     : Eigen::Vector3d(data.axis_W[j].cross(point - data.X_WL[j].translation()));
         };
-        slope = axis.dot(motion(subtrees.com_W[j])
-                             .cross(Eigen::Vector3d(0, 0, kGravity * subtrees.mass[j])));
+        slope = axis.dot(
+            motion(subtrees.com_W[j]).cross(Eigen::Vector3d(0, 0, kGravity * subtrees.mass[j])));
         for (int k = 0; k < model_->end_effectors(); ++k) {
           if (pushed[k] && carries(j, model_->frame_body(model_->end_effector(k))))
             slope -= axis.dot(motion(p[k]).cross(f[k]));

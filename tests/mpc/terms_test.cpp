@@ -19,8 +19,7 @@ constexpr double kKinkShare = 0.15;  // of the entries, see derivative_check.hpp
 std::shared_ptr<const OptimalControlProblem> problem_of(const std::string& robot) {
   static std::map<std::string, std::shared_ptr<const OptimalControlProblem>> problems;
   auto& problem = problems[robot];
-  if (!problem)
-    problem = std::make_shared<const OptimalControlProblem>(bench::load_robot(robot));
+  if (!problem) problem = std::make_shared<const OptimalControlProblem>(bench::load_robot(robot));
   return problem;
 }
 

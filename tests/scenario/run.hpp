@@ -59,8 +59,9 @@ inline Displacement between(const Posture& a, const Posture& b) {
 
 class SimulatedRun {
  public:
-  explicit SimulatedRun(const RunOptions& options = {})
-      : config_(run_config(options)),
+  explicit SimulatedRun(const RunOptions& options = {}) : SimulatedRun(run_config(options)) {}
+  explicit SimulatedRun(const DaemonConfig& config)
+      : config_(config),
         system_(config_,
                 [](wb_log_level level, const std::string& text) {
                   if (level >= WB_LOG_WARN) std::fprintf(stderr, "%s\n", text.c_str());
