@@ -27,7 +27,7 @@ wb_command_kind kind_of(DriveMode mode) {
 }  // namespace
 
 CanDriver::CanDriver(const PluginConfig& config, const std::vector<CanPort*>& ports, Pacer* pacer)
-    : config_(config), pacer_(pacer) {
+    : config_(config), pacer_(pacer), drives_(config.drives.size()) {
   for (std::size_t b = 0; b < config_.buses.size(); ++b) {
     std::vector<BusMaster::Member> members;
     for (std::size_t i = 0; i < config_.drives.size(); ++i) {
@@ -37,6 +37,7 @@ CanDriver::CanDriver(const PluginConfig& config, const std::vector<CanPort*>& po
           {static_cast<int>(i),
            std::make_unique<Cia402Drive>(d, config_.supervision, static_cast<int>(i), *this),
            d.node_id});
+      drives_[i] = members.back().protocol.get();
     }
     buses_.push_back(std::make_unique<Bus>());
     buses_.back()->master = std::make_unique<BusMaster>(
@@ -142,6 +143,7 @@ wb_status CanDriver::configure() {
           config_.buses[b].name, config_.buses[b].priority, s.period_ns(), window,
           BusThread::Work{[this, bus](TimeNs t) { run_cycle(*bus, t); },
                           [this, bus](TimeNs t) { collect(*bus, t); }});
+      if (bus->thread->priority_refused()) report({now(), Event::kPriorityRefused, -1, -1, 0}, 1);
     }
     const TimeNs end = monotonic_ns() + limit;
     while (!all_ready() && !hopeless() && monotonic_ns() < end) {
@@ -390,6 +392,8 @@ std::string CanDriver::line_of(const EventRecord& r) const {
   char value[64];
   std::snprintf(value, sizeof value, text.hex ? ": %s 0x%X" : ": %s %u", text.text, r.value);
   line += r.value != 0 ? value : std::string(": ") + text.text;
+  if (r.event == Event::kDriveReady)
+    line += std::string(" (") + drives_[static_cast<std::size_t>(r.drive)]->device_name() + ")";
   if (r.event == Event::kSdoAbort)
     line += std::string(" (") + name_of(static_cast<SdoAbort>(r.value)) + ")";
   return line;

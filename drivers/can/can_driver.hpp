@@ -97,7 +97,8 @@ class CanDriver final : public EventSink {
   StopLatch latch_;
   std::atomic<bool> active_{false};
   std::vector<std::unique_ptr<Bus>> buses_;
-  Queue<EventRecord, 64> events_;  // the control thread's own
+  std::vector<const JointProtocol*> drives_;  // by joint; for their names
+  Queue<EventRecord, 64> events_;             // the control thread's own
   std::array<std::atomic<std::uint64_t>, kEvents> counts_{};
   std::atomic<std::uint32_t> log_ticks_{0};
   std::uint32_t log_seen_ = 0;

@@ -50,6 +50,7 @@ const EventText& text_of(Event event) {
       {"receive_overrun", "received frames were lost"},
       {"link_back", "the bus carries frames again"},
       {"drive_ready", "drive identified and set up"},
+      {"priority_refused", "the bus's thread did not get its priority"},
       {"log_dropped", "log records lost"},
   }};
   return kTexts[static_cast<std::size_t>(event)];

@@ -60,6 +60,7 @@ enum class Event : std::uint8_t {
   kReceiveOverrun,
   kLinkBack,
   kDriveReady,
+  kPriorityRefused,
   kLogDropped,
 };
 inline constexpr int kEvents = static_cast<int>(Event::kLogDropped) + 1;

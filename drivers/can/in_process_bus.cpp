@@ -34,10 +34,8 @@ constexpr TimeNs kNever = INT64_MAX;
 
 class InProcessBus::Port final : public CanPort {
  public:
-  Port(InProcessBus::State& bus, std::string name, BusParticipant* participant,
-       const BusOptions& options)
-      : bus_(bus),
-        name_(std::move(name)),
+  Port(std::string name, BusParticipant* participant, const BusOptions& options)
+      : name_(std::move(name)),
         participant_(participant),
         transmit_(options.transmit_queue),
         receive_(options.receive_queue) {}
@@ -71,7 +69,6 @@ class InProcessBus::Port final : public CanPort {
     }
   }
 
-  InProcessBus::State& bus_;
   std::string name_;
   BusParticipant* participant_;
   Ring transmit_, receive_;
@@ -219,12 +216,8 @@ InProcessBus::InProcessBus(const BusOptions& options) : state_(std::make_unique<
 InProcessBus::~InProcessBus() = default;
 
 CanPort& InProcessBus::attach(const std::string& name, BusParticipant* participant) {
-  state_->ports.push_back(std::make_unique<Port>(*state_, name, participant, state_->options));
+  state_->ports.push_back(std::make_unique<Port>(name, participant, state_->options));
   return *state_->ports.back();
-}
-
-void InProcessBus::set_participant(CanPort& port, BusParticipant* participant) {
-  static_cast<Port&>(port).participant_ = participant;
 }
 
 void InProcessBus::detach(CanPort& port) {

@@ -35,10 +35,9 @@ class InProcessBus {
   InProcessBus(const InProcessBus&) = delete;
   InProcessBus& operator=(const InProcessBus&) = delete;
 
-  // Setup: a new participant. The port belongs to the bus. With `participant`, frames go there and
-  // the port's receive() finds none; set_participant() is for those that need their port first.
+  // Setup: a new participant, by a name for the debugger. The port belongs to the bus. With
+  // `participant`, frames go there and the port's receive() finds none.
   CanPort& attach(const std::string& name, BusParticipant* participant = nullptr);
-  void set_participant(CanPort& port, BusParticipant* participant);
   // The participant leaves the bus for good: its frames and its queue are forgotten.
   void detach(CanPort& port);
 

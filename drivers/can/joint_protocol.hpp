@@ -52,6 +52,8 @@ class JointProtocol {
   virtual bool failed() const RT_SAFE = 0;
   virtual void retry() RT_SAFE = 0;
   virtual void set_stop_action(StopAction action) RT_SAFE = 0;
+  // What the drive calls itself; empty until it was asked. Any thread, after ready().
+  virtual const char* device_name() const RT_SAFE = 0;
   virtual const JointMeasurement& measurement() const RT_SAFE = 0;
 };
 

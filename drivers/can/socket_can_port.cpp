@@ -13,13 +13,17 @@
 #include <cerrno>
 #include <cstring>
 #include <ctime>
-#include <fstream>
 #include <stdexcept>
+
+#include "drivers/can/link_bit_rate.hpp"
 
 namespace wb::can {
 namespace {
 
 constexpr int kBatch = 64;
+// What the kernel may still hold when the next frames are handed over: 16 frames' buffers, about a
+// cycle. More means that the bus does not keep up, and frames would grow old there.
+constexpr int kQueuedMax = 16 * 768;
 #ifndef SO_MEMINFO
 constexpr int SO_MEMINFO = 55;
 #endif
@@ -77,14 +81,12 @@ SocketCanPort::SocketCanPort(const std::string& interface, double bit_rate)
     throw std::runtime_error("CAN interface " + interface + " is down (ip link set " + interface +
                              " up)");
   }
-  // Real controllers tell their bit rate here only through netlink; drivers that export it in sysfs
-  // are checked, others are taken at the configuration's word.
-  std::ifstream file("/sys/class/net/" + interface + "/can_bittiming/bitrate");
-  double set = 0;
-  if (file >> set && set != bit_rate) {
+  const auto set = link_bit_rate(index_);
+  if (set && *set != static_cast<std::uint32_t>(bit_rate)) {
     close();
-    throw std::runtime_error("CAN interface " + interface + " runs at " + std::to_string(set) +
-                             " bit/s, configured are " + std::to_string(bit_rate));
+    throw std::runtime_error("CAN interface " + interface + " runs at " + std::to_string(*set) +
+                             " bit/s, configured are " +
+                             std::to_string(static_cast<std::uint32_t>(bit_rate)));
   }
 }
 
@@ -158,7 +160,7 @@ void SocketCanPort::lost_link(int error) RT_SAFE {
 
 int SocketCanPort::send(const Frame* frames, int count) RT_SAFE {
   int taken = 0;
-  if (socket_ >= 0 && carries_frames(status_.state) && queued_bytes() <= 0) {
+  if (socket_ >= 0 && carries_frames(status_.state) && queued_bytes() <= kQueuedMax) {
     while (taken < count) {
       const int n = std::min(count - taken, kBatch);
       for (int i = 0; i < n; ++i)

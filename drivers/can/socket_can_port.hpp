@@ -1,7 +1,7 @@
 // SocketCanPort: a CanPort on the kernel's SocketCAN (CAN_RAW). Port world: sendmmsg and recvmmsg
 // with MSG_DONTWAIT, stamps by SO_TIMESTAMPNS brought to CLOCK_MONOTONIC, error frames by
-// CAN_RAW_ERR_FILTER. A cycle's frames are refused while earlier ones still wait in the kernel
-// (SO_MEMINFO), so that at most one cycle is ever queued there; ENOBUFS and EAGAIN refuse, too. The
+// CAN_RAW_ERR_FILTER. Frames are refused while more than about a cycle's still wait in the kernel
+// (SO_MEMINFO), so that they cannot grow old there; ENOBUFS and EAGAIN refuse, too. The
 // kernel cannot take queued frames back: flush() reports them, and a drive that has lost its master
 // meanwhile is pre-operational and ignores them. Bus-off: with restart-ms the kernel comes back by
 // itself, without it the port stays kBusOff. An interface that went away is looked for by name.

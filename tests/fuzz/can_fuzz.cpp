@@ -2,6 +2,6 @@
 #include "tests/fuzz/can_fuzz.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  wb::can::fuzz_one(data, size);
+  (void)wb::can::fuzz_one(data, size);
   return 0;
 }

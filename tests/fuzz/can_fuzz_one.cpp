@@ -86,8 +86,8 @@ Frame frame_of(const std::uint8_t* record, TimeNs now) {
 
 }  // namespace
 
-void fuzz_one(const std::uint8_t* data, std::size_t size) {
-  if (size < kFuzzHeader) return;
+std::uint64_t fuzz_one(const std::uint8_t* data, std::size_t size) {
+  if (size < kFuzzHeader) return 0;
   RigOptions options;
   options.drives = kDrives;
   constexpr DriveMode kModes[] = {DriveMode::kCsp, DriveMode::kCsv, DriveMode::kCst};
@@ -123,6 +123,7 @@ void fuzz_one(const std::uint8_t* data, std::size_t size) {
     }
   }
   if (rig.driver->state() != WB_UNCONFIGURED) rig.run(0.05);
+  return judge.enabling;
 }
 
 }  // namespace wb::can

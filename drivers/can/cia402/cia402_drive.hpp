@@ -28,7 +28,7 @@ class Cia402Drive final : public JointProtocol {
   void retry() RT_SAFE override;
   void set_stop_action(StopAction action) RT_SAFE override;
   const JointMeasurement& measurement() const RT_SAFE override { return measurement_; }
-  const char* device_name() const { return setup_.device_name(); }
+  const char* device_name() const RT_SAFE override { return setup_.device_name(); }
 
  private:
   enum class Phase : std::uint8_t { kSetup, kReady, kFailed };

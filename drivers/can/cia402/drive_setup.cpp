@@ -137,8 +137,11 @@ void DriveSetup::finish_step() RT_SAFE {
       if (step.kind == Kind::kName) {
         const auto n =
             std::min<std::size_t>(sizeof device_name_ - 1, static_cast<std::size_t>(sdo_.size()));
-        std::memcpy(device_name_, sdo_.data(), n);
-        device_name_[n] = '\0';
+        // Written only where it changes: the log's thread may be reading the same drive's name.
+        if (std::memcmp(device_name_, sdo_.data(), n) != 0 || device_name_[n] != '\0') {
+          std::memcpy(device_name_, sdo_.data(), n);
+          device_name_[n] = '\0';
+        }
       }
       const bool wrong = (step.kind == Kind::kExpect && step.value != 0 && value != step.value) ||
                          (step.kind == Kind::kMode && (value & step.value) == 0);
