@@ -91,8 +91,8 @@ END
 # vm_boot SECONDS COMMAND...: runs the command as root in the guest, in this folder; its exit code is this function's. The guest
 # finds its kernel's name in KERNEL and can modprobe. More of QEMU's options: vm_devices.
 vm_boot() {
-  # A small model with what the project's x86-64-v3 code needs; the kernel finds less to set up than on `max`.
-  local limit_s=$1 code=0 cpu=Nehalem,+xsave,+avx,+avx2,+bmi1,+bmi2,+fma,+f16c,+movbe,+abm
+  # The code needs x86-64-v3.
+  local limit_s=$1 code=0 cpu=max
   shift
   out=$vm/out
   rm -rf "$out"
