@@ -91,8 +91,8 @@ void print_state(wb::System& system, wb::TimeNs now) {
   const Eigen::Isometry3d X_WE = model.X_WF(model.end_effector(), data);
   double position = 0, rotation = 0;
   const wb::Reference& r = system.reference();
-  if (r.ee_count > 0) {
-    const Eigen::Isometry3d X_ref = r.ee[0].X_WE.isometry();
+  if (r.ee[0].count > 0) {
+    const Eigen::Isometry3d X_ref = r.ee[0].keyframes[0].X_WE.isometry();
     position = (X_WE.translation() - X_ref.translation()).norm();
     rotation = Eigen::AngleAxisd(X_WE.linear().transpose() * X_ref.linear()).angle();
   }
@@ -101,13 +101,13 @@ void print_state(wb::System& system, wb::TimeNs now) {
                "%8.3f s %-10s base %6.2f %6.2f %6.2f v %5.2f %5.2f hand off by %.4f m %.3f rad; %s "
                "step %.3f cost %.3g -> %.3g;",
                wb::to_seconds(now), std::string(to_string(s.phase)).c_str(), s.base[0], s.base[1],
-               s.base[2], s.base_velocity[0], s.base_velocity[1], position, rotation,
+               s.base[2], s.base_velocity[0], s.base_velocity[2], position, rotation,
                std::string(to_string(report.status)).c_str(), report.step, report.cost_before,
                report.cost_after);
   const auto terms = system.problem().terms();
   for (std::size_t i = 0; i < terms.size(); ++i) {
-    if (report.term_cost[i] > 1e-3)
-      std::fprintf(stderr, " %s %.3g", std::string(terms[i]->name()).c_str(), report.term_cost[i]);
+    if (report.terms.cost[i] > 1e-3)
+      std::fprintf(stderr, " %s %.3g", std::string(terms[i]->name()).c_str(), report.terms.cost[i]);
   }
   // The spheres nearest to what the map holds.
   if (const wb::DistanceField* field = system.arrows().field.read()) {

@@ -45,9 +45,7 @@ DriverHost::DriverHost(const RobotConfig& robot, const std::vector<PluginSpec>& 
   gripper_ = provider("a gripper", &wb_description::has_gripper);
   provider("an emergency stop", &wb_description::has_emergency_stop);
   for (const JointConfig& j : robot.joints) joints_.push_back(find(j.name, false));
-  if (robot.base.kind == BaseKind::kDifferentialDrive) {
-    for (const std::string& w : robot.base.wheels) wheels_.push_back(find(w, true));
-  }
+  for (const std::string& w : robot.base.wheels) wheels_.push_back(find(w, true));
 }
 
 DriverHost::~DriverHost() { deactivate(); }

@@ -1,11 +1,12 @@
-// Kinematics and dynamics of a robot from its URDF: fixed or differential-drive base under a tree
-// of joints. The model is immutable; each thread owns its Data. Every const method is a step:
-// noexcept, no allocation. x = (base x, y, yaw; q) with base_dof() = 0 or 3. Jacobians: 6 x nx,
-// linear over angular, in W, with respect to x. Source: Featherstone 2008, Rigid Body Dynamics
-// Algorithms (RNEA, Sec. 5.3).
+// Kinematics and dynamics of a robot from its URDF: a fixed or wheeled base under a tree of joints.
+// The model is immutable; each thread owns its Data. Every const method is a step: noexcept, no
+// allocation. x = (base x, y, yaw; q) with base_dof() = 0 or 3, u = (base_inputs() velocities; dq).
+// Jacobians: 6 x nx, linear over angular, in W, with respect to x. Source: Featherstone 2008, Rigid
+// Body Dynamics Algorithms (RNEA, Sec. 5.3).
 #pragma once
 #include <Eigen/Geometry>
 #include <array>
+#include <limits>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,10 +28,12 @@ using JointMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaxJoints, kMaxJoints>;
 
 struct JointLimits {
-  double lower = 0, upper = 0;  // rad or m
+  double lower = 0, upper = 0;  // rad or m; of a continuous joint -inf and inf
   double velocity = 0;          // rad/s or m/s
   double torque = 0;            // Nm or N
-  double acceleration = 0;      // rad/s^2, from robot.yaml
+  double acceleration = 0;      // rad/s^2 or m/s^2, from robot.yaml
+
+  bool endless() const { return lower == -std::numeric_limits<double>::infinity(); }
 };
 
 struct Sphere {
@@ -49,30 +52,51 @@ struct Capsule {
 
 class RobotModel {
  public:
-  static constexpr int kMaxBodies = kMaxJoints + 1;
+  static constexpr int kMaxMimics = 8;
+  static constexpr int kMaxBodies = 1 + kMaxJoints + kMaxMimics;
 
   // Poses and scratch of one configuration; fixed size, no heap.
   struct Data {
-    // Body frames: body 0 is the base, body i is moved by joint i - 1.
+    // Body frames: body 0 is the base, body i is moved by joint i - 1, those after the last joint
+    // by mimic joints.
     std::array<Eigen::Isometry3d, kMaxBodies> X_WL;
     std::array<Eigen::Vector3d, kMaxBodies> axis_W;  // of the joint that moves the body
   };
 
   // Fixed children are merged; movable joints that robot.yaml does not list (wheels, fingers) are
-  // locked at zero. Throws config::ConfigError with the URDF's file and the link or joint at fault.
+  // locked at zero, except that a mimic joint follows its master, if that is listed. Throws
+  // config::ConfigError with the URDF's file and the link or joint at fault.
   explicit RobotModel(const RobotConfig& config);
 
   const RobotConfig& config() const { return config_; }
   int base_dof() const { return config_.base.kind == BaseKind::kFixed ? 0 : 3; }
   int joints() const { return static_cast<int>(limits_.size()); }
   int nx() const { return base_dof() + joints(); }
-  int nu() const { return (base_dof() ? 2 : 0) + joints(); }
+  // Base velocities among the inputs: none; v, w of a differential drive; vx, vy, w in B.
+  int base_inputs() const {
+    return config_.base.kind == BaseKind::kFixed               ? 0
+           : config_.base.kind == BaseKind::kDifferentialDrive ? 2
+                                                               : 3;
+  }
+  int nu() const { return base_inputs() + joints(); }
   const JointLimits& limits(int joint) const { return limits_[joint]; }
+  bool slides(int joint) const { return bodies_[joint + 1].prismatic; }
   double mass() const { return mass_; }
 
   // Frames are URDF links, also merged ones. frame() throws for an unknown name (setup only).
   int frame(std::string_view link) const;
-  int end_effector() const { return end_effector_; }
+  // Frames that a Reference may lead: 0 is E, then robot.yaml's more_end_effectors.
+  int end_effectors() const { return static_cast<int>(end_effectors_.size()); }
+  int end_effector(int k = 0) const { return end_effectors_[k]; }
+
+  // The tree: body 0 is the base, every other one is moved by ratio(body) times the rate of
+  // joint_of(body); the ratio is 1 except for mimic joints.
+  int bodies() const { return static_cast<int>(bodies_.size()); }
+  int frame_body(int frame) const { return frames_[frame].body; }
+  int parent(int body) const { return bodies_[body].parent; }
+  int joint_of(int body) const { return bodies_[body].joint; }
+  double ratio(int body) const { return bodies_[body].multiplier; }
+  bool prismatic(int body) const { return bodies_[body].prismatic; }
 
   void forward_kinematics(const double* x, Data& data) const noexcept;  // x has nx() entries
   Eigen::Isometry3d X_WF(int frame, const Data& data) const noexcept;
@@ -88,6 +112,13 @@ class RobotModel {
   void gravity(const double* q, JointVector& tau) const noexcept;
   void mass_matrix(const double* q, JointMatrix& M) const noexcept;
 
+  // Masses and centres of mass (in W) of each body together with all beyond it.
+  struct Subtrees {
+    std::array<double, kMaxBodies> mass;
+    std::array<Eigen::Vector3d, kMaxBodies> com_W;
+  };
+  void subtrees(const Data& data, Subtrees& out) const noexcept;
+
   const std::vector<Sphere>& spheres() const { return spheres_; }
   const std::vector<Capsule>& capsules() const { return capsules_; }
   const std::vector<std::array<int, 2>>& self_pairs() const { return self_pairs_; }
@@ -99,6 +130,8 @@ class RobotModel {
  private:
   struct Body {
     int parent = -1;
+    int joint = -1;                     // moved by multiplier * q[joint] + offset
+    double multiplier = 1, offset = 0;  // of a mimic joint
     Eigen::Isometry3d X_PJ = Eigen::Isometry3d::Identity();  // parent body to joint frame at zero
     Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();
     bool prismatic = false;
@@ -124,13 +157,14 @@ class RobotModel {
 
   RobotConfig config_;
   std::vector<Body> bodies_;
+  std::vector<int> order_;  // all bodies but the base, parents before children
   std::vector<Frame> frames_;
   std::vector<JointLimits> limits_;
   std::vector<Sphere> spheres_;
   std::vector<Capsule> capsules_;
   std::vector<std::array<int, 2>> self_pairs_;
   double mass_ = 0;
-  int end_effector_ = 0;
+  std::vector<int> end_effectors_;
 };
 
 }  // namespace wb

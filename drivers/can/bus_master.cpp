@@ -24,7 +24,8 @@ BusMaster::BusMaster(int bus, CanPort& port, const Supervision& supervision,
       drives_(std::move(drives)),
       events_(events),
       latch_(latch),
-      status_(port.status()) {}
+      status_(port.status()),
+      first_bus_offs_(status_.bus_offs) {}
 
 void BusMaster::report(Event event, std::uint32_t value, std::uint64_t times) RT_SAFE {
   events_.report({now_, event, bus_, -1, value}, times);
@@ -69,13 +70,14 @@ void BusMaster::check_link(TimeNs now) RT_SAFE {
     report(Event::kReceiveOverrun, 0, status_.overruns - before.overruns);
   if (status_.state == LinkState::kPassive && before.state != LinkState::kPassive)
     report(Event::kErrorPassive);
-  if (status_.bus_offs > static_cast<std::uint64_t>(supervision_.bus_off_max)) {
-    if (before.bus_offs <= static_cast<std::uint64_t>(supervision_.bus_off_max) || was_active_)
-      report(Event::kBusOffLimit, static_cast<std::uint32_t>(status_.bus_offs));
+  const auto bus_offs = static_cast<std::uint32_t>(status_.bus_offs - first_bus_offs_);
+  if (bus_offs > static_cast<std::uint32_t>(supervision_.bus_off_max)) {
+    if (status_.bus_offs > before.bus_offs || (was_active_ && !latch_.stopped()))
+      report(Event::kBusOffLimit, bus_offs);
     status_.state = LinkState::kBusOff;
   } else if (status_.bus_offs > before.bus_offs) {
     // Seen here even where the kernel has restarted the controller meanwhile.
-    report(Event::kBusOff, static_cast<std::uint32_t>(status_.bus_offs));
+    report(Event::kBusOff, bus_offs);
     port_.flush();
   }
   if (carries()) {
@@ -89,8 +91,7 @@ void BusMaster::check_link(TimeNs now) RT_SAFE {
   if (carries_frames(before.state) || (was_active_ && !latch_.stopped())) {
     if (status_.state == LinkState::kDown) report(Event::kLinkDown);
     if (status_.state == LinkState::kGone) report(Event::kLinkGone);
-    if (status_.state == LinkState::kBusOff && was_active_)
-      report(Event::kBusOff, static_cast<std::uint32_t>(status_.bus_offs));
+    if (status_.state == LinkState::kBusOff && was_active_) report(Event::kBusOff, bus_offs);
   }
   if (status_.state >= LinkState::kDown && now >= reopen_at_) {
     reopen_at_ = now + kReopenNs;
@@ -128,24 +129,30 @@ void BusMaster::cycle(TimeNs now, const BusCommand& command) RT_SAFE {
 }
 
 void BusMaster::send(TimeNs now, const BusCommand& command) RT_SAFE {
+  // Targets, SYNC, and whatever else may wait: it must not delay the answers.
   std::array<Frame, kMaxDrives * JointProtocol::kFrames + 2> frames;
-  int count = 0;
+  std::array<Frame, kMaxDrives * JointProtocol::kFrames> others;
+  std::array<Frame, JointProtocol::kFrames> made;
+  std::size_t count = 0, later = 0;
+  for (Member& d : drives_) {
+    const int n = d.protocol->transmit(
+        now, goal_of(d, command), command.targets[static_cast<std::size_t>(d.joint)], made.data());
+    for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
+      const bool target = made[i].id == cob::kRpdo1 + static_cast<std::uint32_t>(d.node_id);
+      (target ? frames[count++] : others[later++]) = made[i];
+    }
+  }
+  frames[count++].id = cob::kSync;
   if (now >= heartbeat_at_) {
     heartbeat_at_ = now + supervision_.heartbeat_ms * kMs;
-    Frame& beat = frames[static_cast<std::size_t>(count++)];
+    Frame& beat = frames[count++];
     beat.id = cob::kHeartbeat + static_cast<std::uint32_t>(supervision_.master_id);
     beat.length = 1;
     beat.data[0] = nmt::kOperational;
   }
-  for (Member& d : drives_) {
-    count += d.protocol->transmit(now, goal_of(d, command),
-                                  command.targets[static_cast<std::size_t>(d.joint)],
-                                  &frames[static_cast<std::size_t>(count)]);
-  }
-  Frame& sync = frames[static_cast<std::size_t>(count++)];
-  sync.id = cob::kSync;
-  const int taken = port_.send(frames.data(), count);
-  if (taken == count) {
+  std::copy_n(others.begin(), later, frames.begin() + static_cast<std::ptrdiff_t>(count));
+  count += later;
+  if (port_.send(frames.data(), static_cast<int>(count)) == static_cast<int>(count)) {
     refused_ = 0;
     return;
   }

@@ -86,6 +86,7 @@ class BusMaster {
   StopLatch& latch_;
   TimeNs now_ = 0;
   PortStatus status_;
+  std::uint64_t first_bus_offs_;  // the port's count when this master began
   TimeNs reopen_at_ = 0, heartbeat_at_ = 0;
   TimeNs closing_until_ = 0;
   bool was_active_ = false, was_stopped_ = false;

@@ -120,9 +120,12 @@ wb_status CanDriver::configure() {
   if (state_ != WB_UNCONFIGURED) return WB_BAD_STATE;
   const Supervision& s = config_.supervision;
   const TimeNs limit = s.setup_timeout_ms * kMs;
+  ++command_.activation;  // drives whose set-up failed before try again
+  publish_command(false, now());
+  configured_at_ = now();
   if (pacer_) {
     const TimeNs end = pacer_->bus_time() + limit;
-    while (!all_ready() && pacer_->bus_time() < end) {
+    while (!all_ready() && !hopeless() && pacer_->bus_time() < end) {
       for (auto& bus : buses_) run_cycle(*bus, pacer_->bus_time());
       if (!pacer_->advance({pacer_->bus_time() + s.period_ns(), kNoHostTime})) {
         report({pacer_->bus_time(), Event::kBusTimeout, -1, -1, 0}, 1);
@@ -141,7 +144,7 @@ wb_status CanDriver::configure() {
                           [this, bus](TimeNs t) { collect(*bus, t); }});
     }
     const TimeNs end = monotonic_ns() + limit;
-    while (!all_ready() && monotonic_ns() < end) {
+    while (!all_ready() && !hopeless() && monotonic_ns() < end) {
       const timespec wait{0, 5 * kMs};
       nanosleep(&wait, nullptr);
       refresh();
@@ -165,6 +168,17 @@ bool CanDriver::all_ready() RT_SAFE {
     if (joint(i).t_ns < 0 || joint(i).status == JointStatus::kLost) return false;
   }
   return true;
+}
+
+// Every drive is ready or failed, and one failed.
+bool CanDriver::hopeless() const RT_SAFE {
+  int ready = 0, failed = 0;
+  for (const BusReadings* r : readings_) {
+    if (!r || r->t_ns < configured_at_ + 2 * config_.supervision.period_ns()) continue;
+    ready += r->ready;
+    failed += r->failed;
+  }
+  return failed > 0 && ready + failed == static_cast<int>(config_.drives.size());
 }
 
 void CanDriver::refresh() RT_SAFE {
@@ -272,7 +286,12 @@ wb_status CanDriver::check_joint(std::size_t i, const wb_commands& c, TimeNs at)
   const double value = d.mode == DriveMode::kCsp   ? in.position
                        : d.mode == DriveMode::kCsv ? in.velocity
                                                    : in.effort;
-  if (!std::isfinite(value)) return WB_ERROR;
+  // Velocity and effort beside a position are feed-forward, which these drives do not take; a
+  // command that is not a number is refused all the same.
+  const bool finite =
+      std::isfinite(value) &&
+      (d.mode != DriveMode::kCsp || (std::isfinite(in.velocity) && std::isfinite(in.effort)));
+  if (!finite) return WB_ERROR;
   if (d.mode == DriveMode::kCsv) return std::abs(value) <= d.velocity_max ? WB_OK : WB_ERROR;
   if (d.mode == DriveMode::kCst) return std::abs(value) <= d.effort_max ? WB_OK : WB_ERROR;
   if (d.position_max > d.position_min && (value < d.position_min || value > d.position_max))

@@ -88,6 +88,7 @@ class CanDriver final : public EventSink {
   const JointMeasurement& joint(std::size_t i) RT_SAFE;
   wb_status check_joint(std::size_t i, const wb_commands& c, TimeNs now) RT_SAFE;
   bool all_ready() RT_SAFE;
+  bool hopeless() const RT_SAFE;
   void refresh() RT_SAFE;
   std::string line_of(const EventRecord& record) const;
 
@@ -104,6 +105,7 @@ class CanDriver final : public EventSink {
   std::vector<std::array<TimeNs, kEvents>> logged_at_;
 
   wb_state state_ = WB_UNCONFIGURED;
+  TimeNs configured_at_ = 0;
   BusCommand command_;
   std::array<const BusReadings*, kMaxDrives> readings_{};  // by bus
   JointMeasurement nothing_;

@@ -17,8 +17,19 @@ int integer_or(const Section& s, const std::string& key, int otherwise, Range ra
   return s.has(key) ? s.integer(key, range) : otherwise;
 }
 
+// Decimal or, as data sheets have it, hexadecimal with 0x.
 std::uint32_t number32(const Section& s, const std::string& key) {
-  return static_cast<std::uint32_t>(s.number_or(key, 0, {0, 4294967295.0}));
+  if (!s.has(key)) return 0;
+  const std::string text = s.text(key);
+  std::size_t used = 0;
+  unsigned long value = 0;
+  try {
+    value = std::stoul(text, &used, 0);
+  } catch (const std::exception&) {
+  }
+  if (used == 0 || used != text.size() || text[0] == '-' || value > 0xFFFFFFFFul)
+    s.fail(key, "must be a whole number from 0 to 0xFFFFFFFF, is '" + text + "'");
+  return static_cast<std::uint32_t>(value);
 }
 
 Supervision parse_supervision(const Section& s) {

@@ -175,6 +175,8 @@ void SocketBus::hand_out(Client& client, bool end_of_tick) {
 }
 
 void SocketBus::pump(TimeNs now) {
+  // First up to now, then what the clients sent: a frame never gets onto the wire before its time.
+  if (!paced_) bus_.advance(now);
   accept_clients();
   for (std::size_t i = 0; i < clients_.size();) {
     if (take(*clients_[i])) {
@@ -187,7 +189,6 @@ void SocketBus::pump(TimeNs now) {
     clients_.erase(clients_.begin() + static_cast<std::ptrdiff_t>(i));
   }
   if (paced_) return;
-  bus_.advance(now);
   for (auto& client : clients_) hand_out(*client, false);
 }
 

@@ -35,8 +35,9 @@ class SocketBus {
   int clients() const;
   int file() const { return epoll_; }  // readable when a client wants something
 
-  // Accepts clients and takes what they sent. Real time: also advances the bus to `now`
-  // (CLOCK_MONOTONIC; the bus's clock is the same) and hands out what was delivered.
+  // Accepts clients and takes what they sent. Real time: first advances the bus to `now`
+  // (CLOCK_MONOTONIC; the bus's clock is the same), at last hands out what was delivered; call it
+  // at 1 kHz or faster, it is the bus's resolution.
   void pump(TimeNs now);
   // Paced: waits at most timeout_ms for the master's tick, then pumps; nullopt: none yet.
   std::optional<Tick> requested_tick(int timeout_ms);

@@ -22,15 +22,12 @@ struct UnitScale {
   double torque(std::int16_t permille) const noexcept {
     return sign * permille * torque_per_permille;
   }
-  // To the wire; what does not fit is clipped to the field.
-  std::int32_t position_counts(double q) const noexcept {
-    return clip<std::int32_t>(sign * counts_per_unit * (q - offset));
-  }
-  // Unwrapped: the wire carries its lower 32 bits.
+  // Unwrapped: the wire carries its lower 32 bits. 0 for what no drive can count.
   std::int64_t position_counts64(double q) const noexcept {
     const double v = sign * counts_per_unit * (q - offset);
     return !(v >= -1e18) ? 0 : v > 1e18 ? 0 : std::llround(v);
   }
+  // What does not fit the field is clipped.
   std::int32_t velocity_counts(double dq) const noexcept {
     return clip<std::int32_t>(sign * counts_per_unit * dq);
   }

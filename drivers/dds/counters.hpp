@@ -39,9 +39,6 @@ class Counters {
   void command_unsent() noexcept { add(kCommandUnsent); }
   void tick_unanswered() noexcept { add(kTickUnanswered); }
 
-  std::uint64_t value(Stream stream, Fault fault) const noexcept {
-    return counts_[index(stream, fault)].load(std::memory_order_relaxed);
-  }
   static constexpr std::size_t size() { return kSize; }
   const char* const* names() const { return name_pointers_.data(); }  // as long as this lives
   std::uint64_t value(std::size_t i) const noexcept {

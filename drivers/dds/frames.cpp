@@ -76,8 +76,8 @@ Fault convert(const msg::Image& in, const CameraModel& camera, float* depth) noe
   for (std::uint32_t v = 0; v < in.height_; ++v) {
     const std::uint8_t* row = in.data_._buffer + std::size_t{v} * in.step_;
     for (std::uint32_t u = 0; u < in.width_; ++u) {
-      *depth++ = metres ? z_depth(load<float>(row + u * size))
-                        : z_depth(1e-3f * static_cast<float>(load<std::uint16_t>(row + u * size)));
+      *depth++ = z_depth(metres ? load<float>(row + u * size)
+                                : static_cast<float>(1e-3 * load<std::uint16_t>(row + u * size)));
     }
   }
   return Fault::kNone;

@@ -277,7 +277,9 @@ void Cia402Drive::update_status(TimeNs now, Goal goal) RT_SAFE {
   } else if (!answers) {
     status = JointStatus::kLost;
   } else if (s == DriveState::kFault || s == DriveState::kFaultReaction) {
-    status = JointStatus::kFault;
+    // A fault that activation is about to reset is not news.
+    const bool resetting = goal == Goal::kOn && !was_enabled_;
+    status = resetting ? JointStatus::kDisabled : JointStatus::kFault;
   } else if (s == DriveState::kUnknown) {
     status = JointStatus::kUnknown;
   } else if (goal == Goal::kStop || s == DriveState::kQuickStopActive) {

@@ -51,7 +51,7 @@ struct Cia402Node::State {
   std::uint16_t status_bits = 0;
   // Measured values as they stood when `frozen` was switched on.
   bool was_frozen = false;
-  std::int32_t position = 0, velocity = 0;
+  std::int32_t position = 0, velocity = 0, mirror = 0;
   std::int16_t torque = 0;
 
   void build() {
@@ -109,7 +109,7 @@ struct Cia402Node::State {
     rw(object::kInterpolationPeriod, 1, 1, 10);
     rw(object::kInterpolationPeriod, 2, 1, static_cast<std::uint8_t>(-4));  // 10 * 10^-4 s
     rw(object::kTargetVelocity, 0, 4, 0);
-    ro(object::kSupportedModes, 0, 4, 0x380);  // CSP, CSV, CST
+    ro(object::kSupportedModes, 0, 4, options.supported_modes);
   }
 
   DriveMachine::Limits limits() const {
@@ -253,11 +253,17 @@ struct Cia402Node::State {
 
   void measure() noexcept {
     if (!faults.frozen || !was_frozen) {
-      position = options.scale.position_counts(model.position());
+      // The counter wraps, as a drive's does.
+      position = static_cast<std::int32_t>(
+          static_cast<std::uint32_t>(options.scale.position_counts64(model.position())));
       velocity = options.scale.velocity_counts(model.velocity());
       torque = options.scale.torque_permille(model.torque());
     }
     was_frozen = faults.frozen;
+    if (!faults.reversed) mirror = position;
+    if (faults.reversed)
+      position = static_cast<std::int32_t>(2u * static_cast<std::uint32_t>(mirror) -
+                                           static_cast<std::uint32_t>(position));
     objects.set(
         object::kStatusword, 0,
         static_cast<std::uint16_t>((machine.statusword() | status_bits) ^ faults.statusword_xor));
@@ -397,7 +403,7 @@ void Cia402Node::raise(std::uint16_t error_code) noexcept {
   if (error_code != 0) state_->machine.fault(error_code);
 }
 void Cia402Node::send_emergency(std::uint16_t code) noexcept { state_->emergency(code); }
-void Cia402Node::enter_quick_stop() noexcept { state_->machine.quick_stop(); }
+void Cia402Node::enter_quick_stop() noexcept { state_->machine.quick_stop(true); }
 void Cia402Node::set_limit_bit(bool on) noexcept {
   state_->status_bits = static_cast<std::uint16_t>(on ? state_->status_bits | statusword::kLimit
                                                       : state_->status_bits & ~statusword::kLimit);

@@ -21,9 +21,10 @@ struct NodeOptions {
   std::uint32_t device_type = 0x00020192;  // 0x1000: servo drive, profile 402
   std::uint32_t vendor = 0x5742, product = 0x402, revision = 0x10000, serial = 1;  // 0x1018
   std::string name = "simulated drive";                                            // 0x1008
-  UnitScale scale;                     // the same as in the master's configuration
-  double velocity_max = 10;            // rad/s: the drive clips its targets
-  double quick_stop_decel = 20;        // rad/s^2 (0x6085)
+  UnitScale scale;                        // the same as in the master's configuration
+  std::uint32_t supported_modes = 0x380;  // 0x6502: CSP, CSV, CST
+  double velocity_max = 10;               // rad/s: the drive clips its targets
+  double quick_stop_decel = 20;           // rad/s^2 (0x6085)
   TimeNs enable_delay_ns = 4'000'000;  // each power transition (ready, on, enabled) takes so long
 };
 
@@ -33,6 +34,7 @@ struct NodeFaults {
   bool no_heartbeat = false;         // PDOs go on
   bool no_tpdo = false;              // heartbeat goes on
   bool frozen = false;               // measured values stay what they are, frames go on
+  bool reversed = false;             // measured position runs against the motor
   bool refuse_sdo = false;           // aborts every transfer (0x08000020)
   bool ignore_sdo = false;           // never answers a transfer
   bool wrong_toggle = false;         // segmented transfers answer with the same toggle bit

@@ -20,8 +20,9 @@ void DriveMachine::reset() noexcept {
   power_left_ns_ = 0;
 }
 
-void DriveMachine::quick_stop() noexcept {
+void DriveMachine::quick_stop(bool own) noexcept {
   if (state_ != DriveState::kOperationEnabled) return;
+  own_stop_ = own;
   ramp_velocity_ = model_.velocity();
   holding_ = false;
   go(DriveState::kQuickStopActive, 0);
@@ -76,7 +77,7 @@ void DriveMachine::control(std::uint16_t word, const Limits& limits) noexcept {
     // From quick stop active it is the optional transition 16: the drive moves again. The master
     // never asks for it.
     if (state_ == DriveState::kSwitchedOn) go(DriveState::kOperationEnabled, limits.power_delay_ns);
-    if (state_ == DriveState::kQuickStopActive && quick_stop_option_ >= 5)
+    if (state_ == DriveState::kQuickStopActive && quick_stop_option_ >= 5 && !own_stop_)
       go(DriveState::kOperationEnabled, 0);
   }
 }

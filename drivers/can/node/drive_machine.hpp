@@ -33,7 +33,8 @@ class DriveMachine {
   bool follow(const DriveTargets& targets, TimeNs now, TimeNs period_ns) noexcept;
   void step(TimeNs now, double dt_s, const Limits& limits) noexcept;
 
-  void quick_stop() noexcept;
+  // own: the drive's own decision; it then insists on being switched off first.
+  void quick_stop(bool own = false) noexcept;
   void fault(std::uint16_t code) noexcept;
   // 0x6007: 0 nothing, 1 fault, 2 disable voltage, 3 quick stop.
   void connection_lost(int option, std::uint16_t code) noexcept;
@@ -58,7 +59,8 @@ class DriveMachine {
   DriveTargets targets_;
   double setpoint_ = 0;       // position servo [rad]
   double ramp_velocity_ = 0;  // while stopping [rad/s]
-  bool holding_ = false;      // stopped, servo holds setpoint_
+  bool own_stop_ = false;
+  bool holding_ = false;  // stopped, servo holds setpoint_
   TimeNs target_at_ = 0;
 };
 

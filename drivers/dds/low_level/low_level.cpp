@@ -11,6 +11,7 @@
 
 #include "drivers/dds/low_level/command_filter.hpp"
 #include "drivers/dds/low_level/lease_book.hpp"
+#include "drivers/dds/low_level/robot_messages.hpp"
 #include "drivers/dds/low_level/truth_message.hpp"
 #include "drivers/dds/messages.hpp"
 
@@ -126,34 +127,13 @@ struct LowLevel::Impl {
   }
 
   void describe() {
-    std::array<msg::JointInfo, WB_DRIVER_MAX_JOINTS> joints{};
-    std::array<msg::CameraName, 8> names{};
-    msg::RobotDescription out{};
-    out.boot_ = boot;
-    copy_text(out.name_, robot_info.name);
-    for (std::uint32_t i = 0; i < robot_info.joint_count; ++i) {
-      const wb_joint_info& in = robot_info.joints[i];
-      copy_text(joints[i].name_, in.name);
-      joints[i].position_min_ = in.position_min;
-      joints[i].position_max_ = in.position_max;
-      joints[i].velocity_max_ = in.velocity_max;
-      joints[i].effort_max_ = in.effort_max;
-      joints[i].command_kinds_ = in.command_kinds;
-      joints[i].timeout_actions_ = supported_actions(i);
-      joints[i].is_wheel_ = in.is_wheel != 0;
-    }
-    for (std::size_t i = 0; i < cameras.size(); ++i) {
-      copy_text(names[i].name_, cameras[i].config.name);
-      copy_text(names[i].topic_, cameras[i].config.topic);
-    }
-    view(out.joints_, joints, robot_info.joint_count);
-    view(out.cameras_, names, cameras.size());
-    out.has_imu_ = robot_info.has_imu != 0;
-    out.has_wrench_ = robot_info.has_wrench != 0;
-    out.has_gripper_ = robot_info.has_gripper != 0;
-    out.has_emergency_stop_ = robot_info.has_emergency_stop != 0;
-    out.paced_ = options.paced;
-    description.write(out);
+    std::vector<std::uint32_t> supported;
+    for (std::uint32_t i = 0; i < robot_info.joint_count; ++i)
+      supported.push_back(supported_actions(i));
+    DescriptionMessage message(robot_info, supported, options.cameras);
+    message.get().boot_ = boot;
+    message.get().paced_ = options.paced;
+    description.write(message.get());
   }
 
   std::uint32_t supported_actions(std::uint32_t joint) const {
@@ -280,30 +260,11 @@ struct LowLevel::Impl {
     if (readings.emergency_stop && commanded && !stopped) stop_joints();
     msg::JointMeasurements& out = last;
     if (!faults.frozen || !have_last) {
-      out = {};
+      out = measurement_message(readings, robot_info.joint_count);
       out.boot_ = boot;
-      out.stamp_ns_ = readings.t_ns - (options.paced ? offset_ns : 0);
-      out.joint_count_ = robot_info.joint_count;
-      for (std::uint32_t i = 0; i < out.joint_count_; ++i) {
-        const auto& joint = readings.joints[i];
-        out.valid_[i] = joint.valid != 0;
-        out.error_[i] = joint.error_code;
-        out.status_[i] = static_cast<std::uint8_t>(status_of(joint.status, joint.error_code));
-        out.age_ns_[i] = joint.age_ns;
-        out.position_[i] = joint.position;
-        out.velocity_[i] = joint.velocity;
-        out.effort_[i] = joint.effort;
-      }
-      out.imu_valid_ = readings.imu.valid != 0;
-      std::copy_n(readings.imu.gyro, 3, out.gyro_);
-      std::copy_n(readings.imu.acceleration, 3, out.acceleration_);
-      out.wrench_valid_ = readings.wrench.valid != 0;
-      std::copy_n(readings.wrench.force, 3, out.force_);
-      std::copy_n(readings.wrench.torque, 3, out.torque_);
-      out.gripper_valid_ = readings.gripper.valid != 0;
-      out.gripper_opening_ = readings.gripper.opening;
-      out.gripper_force_ = readings.gripper.force;
-      out.emergency_stop_ = readings.emergency_stop != 0;
+      if (options.paced) out.stamp_ns_ -= offset_ns;
+      for (std::uint32_t i = 0; i < out.joint_count_; ++i)
+        out.status_[i] = static_cast<std::uint8_t>(status_of(out.status_[i], out.error_[i]));
       have_last = true;
     }
     out.session_ = session;
@@ -386,14 +347,14 @@ struct LowLevel::Impl {
       // valid_for is kept to the nanosecond of virtual time.
       if (commanded && !stopped && t_robot - command_t_ns > valid_for_ns) {
         robot_t_ns = std::max(robot_t_ns, command_t_ns + valid_for_ns);
-        robot.advance(robot_t_ns);
+        if (!robot.advance(robot_t_ns)) return;
         ++counts.time_outs;
         stop_joints();
       }
       // The robot stamps frames and truth that it publishes meanwhile with its own time.
       robot_t_ns = t_robot;
       const std::uint64_t told = truth_sequence;
-      robot.advance(t_robot);
+      if (!robot.advance(t_robot)) return;  // no answer: the host's advance() fails
       // A new host needs the truth at once, also when none is due.
       if (other_host && told == truth_sequence && told != 0) publish(last_truth);
       other_host = false;
@@ -429,22 +390,7 @@ struct LowLevel::Impl {
   }
 
   void publish_info(Camera& camera, TimeNs t_ns) {
-    const LowLevelCamera& c = camera.config;
-    msg::CameraInfo out{};
-    out.header_ = {to_message(t_ns), text(c.name.c_str())};
-    out.width_ = static_cast<std::uint32_t>(c.width);
-    out.height_ = static_cast<std::uint32_t>(c.height);
-    out.distortion_model_ = text("plumb_bob");
-    std::array<double, 5> none{};
-    view(out.d_, none, none.size());
-    // ROS counts pixels from their centres.
-    const double cx = c.cx - 0.5, cy = c.cy - 0.5;
-    const double k[9] = {c.fx, 0, cx, 0, c.fy, cy, 0, 0, 1};
-    const double p[12] = {c.fx, 0, cx, 0, 0, c.fy, cy, 0, 0, 0, 1, 0};
-    std::copy_n(k, 9, out.k_);
-    std::copy_n(p, 12, out.p_);
-    out.r_[0] = out.r_[4] = out.r_[8] = 1;
-    camera.info.write(out);
+    camera.info.write(camera_info_message(camera.config, t_ns));
   }
 };
 
