@@ -91,8 +91,7 @@ END
 # vm_boot SECONDS COMMAND...: runs the command as root in the guest, in this folder; its exit code is this function's. The guest
 # finds its kernel's name in KERNEL and can modprobe. More of QEMU's options: vm_devices.
 vm_boot() {
-  # The code needs x86-64-v3.
-  local limit_s=$1 code=0 cpu=max
+  local limit_s=$1 code=0
   shift
   out=$vm/out
   rm -rf "$out"
@@ -109,7 +108,7 @@ echo \$? >/out/code
 sync
 /bin/busybox poweroff -f
 END
-  timeout --foreground "$limit_s" qemu-system-x86_64 -M pc -accel tcg,thread=single -cpu "$cpu" -smp 1 -m 1024 \
+  timeout --foreground "$limit_s" qemu-system-x86_64 -M pc -accel tcg,thread=single -cpu max -smp 1 -m 1024 \
     -icount shift=1,sleep=off,align=off -nodefaults -no-user-config -no-reboot -display none -monitor none \
     -kernel "$kernel" -initrd "$initrd" -append "console=ttyS0 quiet panic=-1 nokaslr mitigations=off tsc=reliable" \
     -chardev "file,id=console,path=$out/console" -serial chardev:console \
