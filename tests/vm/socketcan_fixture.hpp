@@ -75,7 +75,7 @@ class Drives {
       const timespec wait{0, 250'000};
       ppoll(&p, 1, &wait, nullptr);
       for (int n; (n = port_.receive(frames.data(), 64)) > 0;) wire_.send(frames.data(), n);
-      bus_.advance(RealTime::monotonic());
+      bus_.advance(RealTime::monotonic() - start_);  // its clock begins at 0
       // What the kernel's queue has no room for is lost, as on a real drive.
       for (int n; (n = wire_.receive(frames.data(), 64)) > 0;) port_.send(frames.data(), n);
       if (!carries_frames(port_.status().state)) port_.reopen();
@@ -90,6 +90,7 @@ class Drives {
     }
   }
 
+  const TimeNs start_ = RealTime::monotonic();
   SocketCanPort port_;
   InProcessBus bus_;
   CanPort& wire_;

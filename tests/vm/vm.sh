@@ -108,7 +108,7 @@ echo \$? >/out/code
 sync
 /bin/busybox poweroff -f
 END
-  timeout --foreground "$limit_s" qemu-system-x86_64 -M pc -accel tcg,thread=single -cpu Nehalem -smp 1 -m 1024 \
+  timeout --foreground "$limit_s" qemu-system-x86_64 -M pc -accel tcg,thread=single -cpu max -smp 1 -m 1024 \
     -icount shift=1,sleep=off,align=off -nodefaults -no-user-config -no-reboot -display none -monitor none \
     -kernel "$kernel" -initrd "$initrd" -append "console=ttyS0 quiet panic=-1 nokaslr mitigations=off tsc=reliable" \
     -chardev "file,id=console,path=$out/console" -serial chardev:console \
