@@ -187,9 +187,10 @@ std::vector<PairSample> sample_pairs(const RobotModel& model, const SamplingOpti
     }
   }
   for (PairSample& p : out) {
-    p.verdict = p.near <= 0       ? PairSample::Verdict::kNeverNear
-                : p.near > always ? PairSample::Verdict::kAlwaysNear
-                                  : PairSample::Verdict::kKept;
+    using enum PairSample::Verdict;
+    // Often near and never touching: the joints keep them apart.
+    const bool apart = p.near <= 0 || (p.touching <= 0 && p.near > 0.05);
+    p.verdict = apart ? kApart : p.near > always ? kAlwaysNear : kKept;
   }
   return out;
 }

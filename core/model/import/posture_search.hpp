@@ -22,12 +22,12 @@ struct PairSample {
   std::array<int, 2> pair{};      // indices into the model's capsules
   double near = 0, touching = 0;  // share of the postures closer than kPairDistance_m, than 0
   double least_m = 0;
-  enum class Verdict { kKept, kNeverNear, kAlwaysNear } verdict{};
+  enum class Verdict { kKept, kApart, kAlwaysNear } verdict{};
 };
 
-// Every pair of capsules whose bodies are not the same or neighbours. Never near: in no posture
-// closer than kPairDistance_m; always near: in more than `always` of them, so that shape and not
-// posture decides.
+// Every pair of capsules whose bodies are not the same or neighbours. Apart: in no posture closer
+// than kPairDistance_m, or in more than a twentieth of them but never touching. Always near: closer
+// in more than `always` of them, so that shape and not posture decides.
 std::vector<PairSample> sample_pairs(const RobotModel& model, const SamplingOptions& options,
                                      double always = 0.75);
 

@@ -59,6 +59,16 @@ std::string header(const RoomInputs& in, const std::string& what) {
          in.source + ".\n";
 }
 
+// The camera that measures handles: one that says so, else the first.
+std::string measuring_camera(const RobotStructure& s) {
+  for (const char* word : {"shoulder", "head", "hand", "wrist"}) {
+    for (const std::string& camera : s.cameras) {
+      if (contains_any(camera, {word})) return camera;
+    }
+  }
+  return s.cameras.front();
+}
+
 void write_base(std::ostream& out, const RoomInputs& in) {
   const RobotStructure& s = in.structure;
   out << "base:\n  kind: " << to_string(s.base) << "\n  link: " << in.robot.base.link << "\n";
@@ -113,7 +123,7 @@ std::string robot_yaml(const RoomInputs& in) {
   write_base(out, in);
   out << "# Accelerations are guessed: full speed in 0.3 s, if half of the torque that gravity "
          "leaves "
-         "moves the joint's largest inertia so; at least full speed in 2 s.\n"
+         "moves the joint's largest inertia so; at least full speed in 1 s.\n"
       << "joints:   # in the order of q\n";
   for (const JointConfig& j : in.robot.joints) {
     out << "  - {name: " << j.name << ", acceleration_max_radps2: " << number(j.acceleration_max)
@@ -121,7 +131,7 @@ std::string robot_yaml(const RoomInputs& in) {
   }
   out << "fingers: " << names(s.fingers)
       << "\ngripper_opening_max_m: " << number(s.gripper_opening_m)
-      << "\nend_effector: " << s.end_effector << "\nshoulder_camera: " << s.cameras.front()
+      << "\nend_effector: " << s.end_effector << "\nshoulder_camera: " << measuring_camera(s)
       << "\nstowed_rad: " << numbers(in.robot.stowed) << "   # " << in.stowed_comment
       << "\nready_rad: " << numbers(in.robot.ready) << "   # " << in.ready_comment
       << "\n# Guessed: 160 x 120, 87 degrees wide.\ncameras:\n";

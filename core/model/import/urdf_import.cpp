@@ -57,8 +57,13 @@ class Import {
                                         "the capsules fitted to them. SI units.");
     fit_capsules_to_bodies();
     fit_spheres_to_bodies();
-    choose_pairs();
-    choose_postures();
+    // Where no posture keeps all pairs apart, those that are nearest most often are given up first.
+    for (const double always : {0.75, 0.5, 0.3}) {
+      choose_pairs(always);
+      if (choose_postures()) break;
+    }
+    if (!report_.postures.collision_free) refuse_postures();
+    describe_postures();
     guess_dynamics();
     exclude_contacts();
     for (const std::string& finger : in_.structure.fingers) {
@@ -214,15 +219,17 @@ class Import {
     in_.shapes_comment = text.str();
   }
 
-  void choose_pairs() {
+  void choose_pairs(double always) {
+    in_.robot.self_pairs.clear();
+    report_.apart = report_.always_near = 0;
     const RobotModel model(in_.robot);
-    const std::vector<PairSample> all = sample_pairs(model, options_.sampling);
+    const std::vector<PairSample> all = sample_pairs(model, options_.sampling, always);
     std::string near;
     for (const PairSample& p : all) {
       const std::array<std::string, 2> names{in_.robot.capsules[p.pair[0]].name,
                                              in_.robot.capsules[p.pair[1]].name};
       if (p.verdict == PairSample::Verdict::kKept) in_.robot.self_pairs.push_back(names);
-      report_.never_near += p.verdict == PairSample::Verdict::kNeverNear;
+      report_.apart += p.verdict == PairSample::Verdict::kApart;
       if (p.verdict == PairSample::Verdict::kAlwaysNear) {
         ++report_.always_near;
         near += "\n#   " + names[0] + ", " + names[1] + ": " + percent(p.near);
@@ -232,13 +239,15 @@ class Import {
     std::ostringstream text;
     text << "Of " << all.size() << " pairs of bodies that are not neighbours, sampled in "
          << std::max(200, options_.sampling.samples / 5) << " postures (seed "
-         << options_.sampling.seed << "), " << report_.never_near << " were never nearer than "
-         << millimetres(kPairDistance_m) << " and are left out; so are " << report_.always_near
-         << " that were in more than 75 % of them" << (near.empty() ? "." : ":") << near;
+         << options_.sampling.seed << "), " << report_.apart
+         << " are kept apart by the joints (never nearer than " << millimetres(kPairDistance_m)
+         << ", or often and never touching) and are left out; so are " << report_.always_near
+         << " that were nearer in more than " << percent(always) << " of them"
+         << (near.empty() ? "." : ":") << near;
     in_.pairs_comment = text.str();
   }
 
-  void choose_postures() {
+  bool choose_postures() {
     const RobotModel model(in_.robot);
     double front = -1e9;
     if (in_.structure.base != ImportedBase::kFixed) {
@@ -246,16 +255,22 @@ class Import {
         if (s.body == 0) front = std::max(front, s.centre.x() + s.radius);
       }
     }
-    const Postures p = find_postures(model, front, options_.sampling);
-    if (!p.collision_free) {
-      throw config::ConfigError(
-          document_.file.string() +
-          ": no posture was found that keeps the arm from itself with the hand before the robot, "
-          "in " +
-          std::to_string(options_.sampling.samples) +
-          " samples; try more with --samples, another --end-effector, or check the joints' limits");
-    }
-    report_.postures = p;
+    report_.postures = find_postures(model, front, options_.sampling);
+    return report_.postures.collision_free;
+  }
+
+  [[noreturn]] void refuse_postures() const {
+    throw config::ConfigError(
+        document_.file.string() +
+        ": no posture was found that keeps the arm from itself with the hand before the robot, "
+        "in " +
+        std::to_string(options_.sampling.samples) +
+        " samples; try more with --samples, another --end-effector, or check the joints' limits");
+  }
+
+  void describe_postures() {
+    const RobotModel model(in_.robot);
+    const Postures& p = report_.postures;
     in_.robot.stowed = p.stowed;
     in_.robot.ready = p.ready;
     in_.robot.base.bounding_radius_m = std::ceil(100 * p.stowed_radius_m) / 100;
@@ -313,7 +328,7 @@ class Import {
         note(text.str());
       }
       const double spare = 0.5 * std::max(0.0, l.torque - load[j]) / in_.inertia[j];
-      l.acceleration = std::max(l.velocity / 2, std::min(l.velocity / 0.3, spare));
+      l.acceleration = std::max(l.velocity, std::min(l.velocity / 0.3, spare));
       const double unit = std::pow(10, std::floor(std::log10(l.acceleration)) - 1);
       l.acceleration = std::round(l.acceleration / unit) * unit;
       in_.robot.joints[j].acceleration_max = l.acceleration;

@@ -26,7 +26,7 @@ struct ImportReport {
   RobotStructure structure;
   int capsules = 0, spheres = 0;
   FitQuality capsule_fit, sphere_fit;  // the worst body's
-  int pairs = 0, never_near = 0, always_near = 0, excluded = 0;
+  int pairs = 0, apart = 0, always_near = 0, excluded = 0;
   Postures postures;
   std::vector<std::string> notes;
 };
