@@ -91,8 +91,8 @@ void print_state(wb::System& system, wb::TimeNs now) {
   const Eigen::Isometry3d X_WE = model.X_WF(model.end_effector(), data);
   double position = 0, rotation = 0;
   const wb::Reference& r = system.reference();
-  if (r.ee_count > 0) {
-    const Eigen::Isometry3d X_ref = r.ee[0].X_WE.isometry();
+  if (r.ee[0].count > 0) {
+    const Eigen::Isometry3d X_ref = r.ee[0].keyframes[0].X_WE.isometry();
     position = (X_WE.translation() - X_ref.translation()).norm();
     rotation = Eigen::AngleAxisd(X_WE.linear().transpose() * X_ref.linear()).angle();
   }
@@ -106,8 +106,8 @@ void print_state(wb::System& system, wb::TimeNs now) {
                report.cost_after);
   const auto terms = system.problem().terms();
   for (std::size_t i = 0; i < terms.size(); ++i) {
-    if (report.term_cost[i] > 1e-3)
-      std::fprintf(stderr, " %s %.3g", std::string(terms[i]->name()).c_str(), report.term_cost[i]);
+    if (report.terms.cost[i] > 1e-3)
+      std::fprintf(stderr, " %s %.3g", std::string(terms[i]->name()).c_str(), report.terms.cost[i]);
   }
   // The spheres nearest to what the map holds.
   if (const wb::DistanceField* field = system.arrows().field.read()) {

@@ -44,7 +44,7 @@ class EquivalentTimer {
     f();
     const double after = thread_cpu_ms();
     steps_.push_back(after - before);
-    if (steps_.size() % every_ == 1) {
+    if ((steps_.size() - 1) % every_ == 0) {
       const double start = thread_cpu_ms();
       checksum_ += sweep_.run();
       sweeps_.push_back(thread_cpu_ms() - start);

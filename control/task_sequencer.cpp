@@ -159,16 +159,16 @@ std::array<double, 3> TaskSequencer::base_goal() const RT_SAFE {
 }
 
 void TaskSequencer::hold_pose(const Pose& X_WE, TimeNs t, Reference& ref) const RT_SAFE {
-  ref.ee_count = 1;
-  ref.ee[0] = {t, X_WE};
+  ref.ee[0].count = 1;
+  ref.ee[0].keyframes[0] = {t, X_WE};
 }
 
 void TaskSequencer::line(const Eigen::Isometry3d& from, const Eigen::Isometry3d& to, TimeNs start,
                          double speed_mps, Reference& ref) const RT_SAFE {
   const double length = (to.translation() - from.translation()).norm();
-  ref.ee_count = 2;
-  ref.ee[0] = {start, Pose::from(from)};
-  ref.ee[1] = {start + std::max<TimeNs>(from_seconds(length / speed_mps), 1'000'000),
+  ref.ee[0].count = 2;
+  ref.ee[0].keyframes[0] = {start, Pose::from(from)};
+  ref.ee[0].keyframes[1] = {start + std::max<TimeNs>(from_seconds(length / speed_mps), 1'000'000),
                Pose::from(to)};
 }
 
@@ -243,7 +243,7 @@ void TaskSequencer::grasp(const TaskInput& in, Reference& ref) RT_SAFE {
   set_posture(model_->config().ready, 0.1, ref);
   set_masks(plan_.articulation.value, ref);
   if (!closing_) {
-    const TimeNs arrival = ref.ee[1].t_ns;
+    const TimeNs arrival = ref.ee[0].keyframes[1].t_ns;
     const bool there = (X_WE_.translation() - target.translation()).norm() < grasp_tolerance_m_;
     if (in.t_ns > arrival && there) {
       closing_ = true;
@@ -258,7 +258,7 @@ void TaskSequencer::grasp(const TaskInput& in, Reference& ref) RT_SAFE {
     line(probe_from_, probe_from_ * Eigen::Translation3d(0, 0, -probe_distance_m_), probe_since_,
          grasp_speed_mps_, ref);
     probe_force_n_ = std::max(probe_force_n_, s.wrench[2]);
-    if (in.t_ns < ref.ee[1].t_ns + from_seconds(grip_settle_s_)) return;
+    if (in.t_ns < ref.ee[0].keyframes[1].t_ns + from_seconds(grip_settle_s_)) return;
     regrasp_offset_m_ = probe_force_n_ > probe_held_n_ ? regrasp_step_m_ : -regrasp_step_m_;
     return fail(Why::kMissed, in);
   }
@@ -301,11 +301,11 @@ void TaskSequencer::manipulate(const TaskInput& in, Reference& ref) RT_SAFE {
   value_ref_ = std::min(
       {value_ref_ + speed * in.dt_s, std::max(value, plan_.keyframe_value[0]) + lag, target_});
   constexpr int kAhead = 12;
-  ref.ee_count = kAhead;
+  ref.ee[0].count = kAhead;
   for (int i = 0; i < kAhead; ++i) {
     const double ahead_s = 0.35 * i;
     const double v = std::min(value_ref_ + speed * ahead_s, target_);
-    ref.ee[i] = {in.t_ns + from_seconds(ahead_s),
+    ref.ee[0].keyframes[i] = {in.t_ns + from_seconds(ahead_s),
                  Pose::from(Eigen::Isometry3d(keyframe_pose(v) * X_KE_))};
   }
   set_posture(model_->config().ready, 0.1, ref);

@@ -52,9 +52,7 @@ DriverHost::DriverHost(const RobotConfig& robot, const std::vector<PluginSpec>& 
     }
   }
   for (const JointConfig& j : robot.joints) joints_.push_back(find(j.name));
-  if (robot.base.kind == BaseKind::kDifferentialDrive) {
-    for (const std::string& w : robot.base.wheels) wheels_.push_back(find(w));
-  }
+  for (const std::string& w : robot.base.wheels) wheels_.push_back(find(w));
 }
 
 DriverHost::~DriverHost() { deactivate(); }

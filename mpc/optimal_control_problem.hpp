@@ -1,8 +1,8 @@
 // What the MPC minimises: a time grid, the robot's kinematic model of motion, and one ordered list
 // of named terms. Setup world to build (throws config::ConfigError), step world to use: every const
 // method is noexcept and allocates nothing. x = (base x, y [m], yaw [rad]; q), u = (v [m/s], w
-// [rad/s]; dq); a fixed base has only q and dq. Source: Mittal et al. 2022, Sec. IV; DESIGN.md,
-// "Formulation of the MPC".
+// [rad/s]; dq), of an omnidirectional base (vx, vy, w; dq); a fixed base has only q and dq. Source:
+// Mittal et al. 2022, Sec. IV; DESIGN.md, "Formulation of the MPC".
 #pragma once
 #include <memory>
 #include <span>
@@ -14,6 +14,7 @@
 #include "core/types/limits.hpp"
 #include "mpc/input_limits.hpp"
 #include "mpc/term.hpp"
+#include "mpc/weight_table.hpp"
 
 namespace wb {
 
@@ -22,8 +23,16 @@ using StateInputMatrix =
 
 // How the solver searches; from mpc.yaml.
 struct SolverSettings {
-  int line_search_steps = 5;         // step lengths 1, 1/2, 1/4, ...
+  int line_search_steps = 3;         // lengths tried in every iteration; the best one is taken
+  double line_search_ratio = 0.3;    // of a length to the one before it; the first is 1
   double acceleration_fraction = 1;  // of the acceleration limits that a policy may use
+  double equality_penalty = 0;       // cost per violation and second, in the merit only
+};
+
+// What the terms say at a node or over a horizon, by the problem's term index.
+struct TermValues {
+  std::array<double, kMaxTerms> cost{};
+  std::array<double, kMaxTerms> violation{};  // largest, in the term's own unit; 0: none
 };
 
 class OptimalControlProblem {
@@ -49,8 +58,10 @@ class OptimalControlProblem {
   // terminal weight.
   double weight_s(int node) const { return weights_s_[node]; }
 
-  // The registry, in the order of SolveReport::term_cost.
+  // Those that are enabled, in the order of TermValues.
   std::span<const std::unique_ptr<Term>> terms() const { return terms_; }
+  const WeightTable& weights() const { return weights_; }
+  bool has_equalities() const { return !equalities_.empty(); }
 
   // Where x is after `dt` seconds of constant u: exact, a straight line or an arc. Arrays of nx()
   // and nu() entries.
@@ -59,17 +70,21 @@ class OptimalControlProblem {
   void step_derivatives(const double* x, const double* u, double dt, StateMatrix& A,
                         StateInputMatrix& B) const noexcept;
 
-  // Cost rate [1/s] at a node whose x, u, reference, field and sample are set; sets its kinematics.
-  // `quadratic`, if not null, receives gradient and Hessian; `term_cost`, if not null, one entry
-  // per term.
-  double evaluate(Node& node, Quadratic* quadratic, double* term_cost) const noexcept;
+  // Cost rate [1/s] at a node whose x, u, reference, field, sample and weights are set; sets its
+  // kinematics. `quadratic`, if not null, receives gradient and Hessian; `values`, if not null, one
+  // entry per term.
+  double evaluate(Node& node, Quadratic* quadratic, TermValues* values) const noexcept;
+  // The equalities' rows at a node that was evaluated; none at a terminal one.
+  void constrain(Node& node, Equality& equality, bool derivatives) const noexcept;
 
  private:
   std::shared_ptr<const RobotModel> model_;
   InputLimits limits_;
   SolverSettings solver_;
   std::vector<double> grid_, weights_s_;
+  WeightTable weights_;
   std::vector<std::unique_ptr<Term>> terms_;
+  std::vector<const Term*> equalities_;
 };
 
 }  // namespace wb

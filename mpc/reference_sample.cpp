@@ -34,13 +34,22 @@ Eigen::Quaterniond unit(const Pose& pose) noexcept {
 
 }  // namespace
 
+bool ReferenceSample::finite() const {
+  for (const PoseSample& pose : ee) {
+    if (pose.active && !(pose.p_WE.allFinite() && pose.R_WE.allFinite())) return false;
+  }
+  return !has_base || base.allFinite();
+}
+
 ReferenceSample sample(const Reference& reference, TimeNs t) noexcept {
   ReferenceSample out;
-  if (reference.ee_count > 0) {
-    const auto [a, b, s] = bracket(reference.ee, reference.ee_count, t);
-    out.has_end_effector = true;
-    out.p_WE = (1.0 - s) * a->X_WE.position() + s * b->X_WE.position();
-    out.R_WE = unit(a->X_WE).slerp(s, unit(b->X_WE)).toRotationMatrix();
+  for (std::size_t k = 0; k < out.ee.size(); ++k) {
+    const EndEffectorReference& ee = reference.ee[k];
+    if (ee.count <= 0) continue;
+    const auto [a, b, s] = bracket(ee.keyframes, ee.count, t);
+    out.ee[k].active = true;
+    out.ee[k].p_WE = (1.0 - s) * a->X_WE.position() + s * b->X_WE.position();
+    out.ee[k].R_WE = unit(a->X_WE).slerp(s, unit(b->X_WE)).toRotationMatrix();
   }
   if (reference.base_count > 0) {
     const auto [a, b, s] = bracket(reference.base, reference.base_count, t);

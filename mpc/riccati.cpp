@@ -41,34 +41,48 @@ class Sweep {
       H_.diagonal().array() += regularisation;
       H_.noalias() += B.transpose() * VB;
       G_.noalias() = B.transpose() * VA;
+      if (stage.cost.coupled) G_ += View<UX>(stage.cost.P.data(), nu_, nx_);
       g_ = View<U>(stage.cost.r.data(), nu_);
       g_.noalias() += B.transpose() * v_;
-      if (!solve_box(stage)) return result;
+      stage.k.conservativeResize(nu_);
+      stage.K.resize(nu_, nx_);
+      const bool constrained = stage.equality.rows > 0;
+      if (!(constrained ? solve_constrained(stage, result) : solve_box(stage, result))) {
+        result.failed_stage = i;
+        return result;
+      }
       const Eigen::Map<U> k(stage.k.data(), nu_);
       const Eigen::Map<UX> K(stage.K.data(), nu_, nx_);
       result.linear += g_.dot(k);
       const U Hk = H_ * k;
       result.quadratic += k.dot(Hk);
-      // With K zero at the bounds and optimal elsewhere, K'HK = -K'G and K'(Hk + g) = 0.
       next_ = View<XX>(stage.cost.Q.data(), nx_, nx_);
       next_.noalias() += A.transpose() * VA;
       next_.noalias() += G_.transpose() * K;
-      const X v_next = A.transpose() * v_ + G_.transpose() * k;
+      X v_next = A.transpose() * v_ + G_.transpose() * k;
+      if (constrained) {
+        const UX HK_G = H_ * K + G_;
+        next_.noalias() += K.transpose() * HK_G;
+        v_next.noalias() += K.transpose() * (Hk + g_);
+      }  // else K is zero at the bounds and optimal elsewhere: K'(HK + G) = 0 and K'(Hk + g) = 0
       v_ = View<X>(stage.cost.q.data(), nx_) + v_next;
       V_ = 0.5 * (next_ + next_.transpose());
+      stage.V.resize(nx_, nx_);
+      stage.v.resize(nx_);
+      Eigen::Map<XX>(stage.V.data(), nx_, nx_) = V_;
+      Eigen::Map<X>(stage.v.data(), nx_) = v_;
     }
     result.finite =
         std::isfinite(result.linear) && std::isfinite(result.quadratic) && v_.allFinite();
+    if (!result.finite) result.failed_stage = 0;
     return result;
   }
 
  private:
   // Projected Newton: k = argmin k'Hk / 2 + g'k within the box, and K for the inputs that are free
   // there.
-  bool solve_box(LqStage& stage) noexcept {
-    constexpr int kMaxIterations = 10, kMaxHalvings = 8;
-    stage.k.conservativeResize(nu_);
-    stage.K.resize(nu_, nx_);
+  bool solve_box(LqStage& stage, LqResult& result) noexcept {
+    constexpr int kMaxIterations = kMaxStageFactorisations - 1, kMaxHalvings = 8;
     Eigen::Map<U> k(stage.k.data(), nu_);
     const View<U> lower(stage.lower.data(), nu_), upper(stage.upper.data(), nu_);
     k = k.cwiseMax(lower).cwiseMin(upper);
@@ -84,7 +98,7 @@ class Sweep {
         held[i] = hold;
         if (!hold) free_slope = std::max(free_slope, std::abs(slope[i]));
       }
-      if (!factorised && !factorise(held)) return false;
+      if (!factorised && !factorise(held, result)) return false;
       factorised = true;
       if (free_slope <= tolerance || iteration == kMaxIterations) break;
       U newton = slope;
@@ -117,8 +131,75 @@ class Sweep {
     return true;
   }
 
+  // The same on e + C dx + D du = 0. Inputs that leave the box are held at its bound and the rest
+  // is solved again, until none leaves it; at most one round for each input. Rows that the free
+  // inputs cannot satisfy are satisfied in the least squares' sense.
+  bool solve_constrained(LqStage& stage, LqResult& result) noexcept {
+    const Equality& eq = stage.equality;
+    const int m = eq.rows;
+    using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxEqualities, kMaxEqualities>;
+    using RowsU = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxInputs, kMaxEqualities>;
+    using RowsX = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxEqualities, kMaxStates>;
+    using RowsV = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxEqualities, 1>;
+    Eigen::Map<U> k(stage.k.data(), nu_);
+    Eigen::Map<UX> K(stage.K.data(), nu_, nx_);
+    const View<U> lower(stage.lower.data(), nu_), upper(stage.upper.data(), nu_);
+    bool held[kMaxInputs] = {};
+    k.setZero();
+    for (int round = 0; round <= nu_ && round < kMaxStageFactorisations; ++round) {
+      if (!factorise(held, result)) return false;
+      U at_bounds = U::Zero(nu_);
+      for (int i = 0; i < nu_; ++i) {
+        if (held[i]) at_bounds[i] = k[i];
+      }
+      U newton = -g_ - H_ * at_bounds;
+      UX gain = -G_;
+      RowsU D_t = eq.D.topRows(m).transpose();
+      for (int i = 0; i < nu_; ++i) {
+        if (!held[i]) continue;
+        newton[i] = 0;
+        gain.row(i).setZero();
+        D_t.row(i).setZero();
+      }
+      factor_.solveInPlace(newton);
+      factor_.solveInPlace(gain);
+      RowsU Y = D_t;
+      for (int c = 0; c < m; ++c) {
+        U column = Y.col(c);
+        factor_.solveInPlace(column);
+        Y.col(c) = column;
+      }
+      Rows S = D_t.transpose().lazyProduct(Y);
+      S.diagonal().array() += 1e-9 * (1e-12 + S.trace());
+      const Eigen::LLT<Rows> schur(S);
+      if (schur.info() != Eigen::Success) return false;
+      RowsV residual = eq.e.head(m);
+      residual.noalias() += D_t.transpose().lazyProduct(newton);
+      residual.noalias() += eq.D.topRows(m).lazyProduct(at_bounds);
+      schur.solveInPlace(residual);
+      RowsX coupling = eq.C.topRows(m);
+      coupling.noalias() += D_t.transpose().lazyProduct(gain);
+      schur.solveInPlace(coupling);
+      k = newton + at_bounds;
+      k.noalias() -= Y.lazyProduct(residual);
+      K = gain;
+      K.noalias() -= Y.lazyProduct(coupling);
+      bool left = false;
+      for (int i = 0; i < nu_; ++i) {
+        if (held[i] || (k[i] >= lower[i] && k[i] <= upper[i])) continue;
+        k[i] = k[i] < lower[i] ? lower[i] : upper[i];
+        held[i] = left = true;
+        K.row(i).setZero();
+      }
+      if (!left) break;
+    }
+    k = k.cwiseMax(lower).cwiseMin(upper);
+    return k.allFinite();
+  }
+
   // Cholesky factor of H among the free inputs; rows and columns of held ones are the identity's.
-  bool factorise(const bool* held) noexcept {
+  bool factorise(const bool* held, LqResult& result) noexcept {
+    ++result.factorisations;
     UU free = H_;
     for (int i = 0; i < nu_; ++i) {
       if (!held[i]) continue;
@@ -146,6 +227,9 @@ LqResult solve_lq(std::span<LqStage> stages, const Quadratic& terminal,
   const int nx = static_cast<int>(terminal.q.size());
   const int nu = stages.empty() ? 0 : static_cast<int>(stages[0].B.cols());
   if (nx == 9 && nu == 8) return Sweep<9, 8>(nx, nu).run(stages, terminal, regularisation);
+  if (nx == 7 && nu == 7) return Sweep<7, 7>(nx, nu).run(stages, terminal, regularisation);
+  if (nx == 9 && nu == 9) return Sweep<9, 9>(nx, nu).run(stages, terminal, regularisation);
+  if (nx == 11 && nu == 10) return Sweep<11, 10>(nx, nu).run(stages, terminal, regularisation);
   if (nx == 6 && nu == 6) return Sweep<6, 6>(nx, nu).run(stages, terminal, regularisation);
   return Sweep<Eigen::Dynamic, Eigen::Dynamic>(nx, nu).run(stages, terminal, regularisation);
 }

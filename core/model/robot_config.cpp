@@ -49,17 +49,23 @@ BaseConfig load_base(const Section& s, const Checker& check) {
     s.fail("link", "must be the URDF's root link, '" + check.urdf().getRoot()->name + "'");
   }
   base.bounding_radius_m = s.number("bounding_radius_m", config::kPositive);
-  if (s.one_of("kind", {"fixed", "differential_drive"}) == "differential_drive") {
-    base.kind = BaseKind::kDifferentialDrive;
-    const std::vector<std::string> wheels = s.texts("wheels");
-    if (wheels.size() != 2) s.fail("wheels", "must hold two joints, left and right");
-    check_unique(s, "wheels", wheels);
-    for (std::size_t i = 0; i < 2; ++i) {
-      if (check.joint(s, "wheels", wheels[i]).type != urdf::Joint::CONTINUOUS) {
-        s.fail("wheels", "names '" + wheels[i] + "', which does not turn without limits");
-      }
-      base.wheels[i] = wheels[i];
+  const std::string kind = s.one_of("kind", {"fixed", "differential_drive", "omnidirectional"});
+  if (kind != "fixed") {
+    const bool omnidirectional = kind == "omnidirectional";
+    base.kind = omnidirectional ? BaseKind::kOmnidirectional : BaseKind::kDifferentialDrive;
+    base.wheels = s.texts("wheels");
+    if (base.wheels.size() != (omnidirectional ? 4 : 2)) {
+      s.fail("wheels", omnidirectional ? "must hold four joints: front left, front right, rear "
+                                         "left, rear right"
+                                       : "must hold two joints, left and right");
     }
+    check_unique(s, "wheels", base.wheels);
+    for (const std::string& wheel : base.wheels) {
+      if (check.joint(s, "wheels", wheel).type != urdf::Joint::CONTINUOUS) {
+        s.fail("wheels", "names '" + wheel + "', which does not turn without limits");
+      }
+    }
+    if (omnidirectional) base.wheelbase_m = s.number("wheelbase_m", config::kPositive);
     base.wheel_radius_m = s.number("wheel_radius_m", config::kPositive);
     base.track_m = s.number("track_m", config::kPositive);
     base.velocity_max = s.number("velocity_max_mps", config::kPositive);
@@ -88,6 +94,8 @@ JointConfig load_joint(const Section& s, const Checker& check) {
                        std::to_string(limits.effort));
   }
   out.acceleration_max = s.number("acceleration_max_radps2", config::kPositive);
+  // Slower than the URDF says, never faster.
+  out.velocity_max = s.number_or("velocity_max_radps", 0.0, {0.0, limits.velocity});
   s.finish();
   return out;
 }
@@ -155,8 +163,7 @@ RobotConfig RobotConfig::load(const std::filesystem::path& folder) {
   const Checker check(out.urdf);
   out.base = load_base(s.section("base"), check);
 
-  std::vector<std::string> used(out.base.wheels.begin(), out.base.wheels.end());
-  if (out.base.kind == BaseKind::kFixed) used.clear();
+  std::vector<std::string> used = out.base.wheels;
   for (const Section& joint : s.sections("joints")) {
     out.joints.push_back(load_joint(joint, check));
     used.push_back(out.joints.back().name);
@@ -177,6 +184,13 @@ RobotConfig RobotConfig::load(const std::filesystem::path& folder) {
   check_unique(s, "joints", used);
   out.gripper_opening_max_m = s.number("gripper_opening_max_m", config::kNonNegative);
   out.end_effector = check.link(s, "end_effector");
+  if (s.has("more_end_effectors")) {
+    out.more_end_effectors = s.texts("more_end_effectors");
+    for (const std::string& link : out.more_end_effectors)
+      check.known_link(s, "more_end_effectors", link);
+    if (out.more_end_effectors.size() >= kMaxEndEffectors)
+      s.fail("more_end_effectors", "allowed: at most " + std::to_string(kMaxEndEffectors - 1));
+  }
   out.stowed = load_posture(s, "stowed_rad", check, out.joints);
   out.ready = load_posture(s, "ready_rad", check, out.joints);
 

@@ -12,17 +12,20 @@
 
 namespace wb {
 
-enum class BaseKind { kFixed, kDifferentialDrive };
+enum class BaseKind { kFixed, kDifferentialDrive, kOmnidirectional };
 
 struct BaseConfig {
   BaseKind kind = BaseKind::kFixed;
-  std::string link;                   // URDF link B, on the floor under the robot
-  std::array<std::string, 2> wheels;  // left, right joints
+  std::string link;  // URDF link B, on the floor under the robot
+  // Joints: left, right of a differential drive; front left, front right, rear left, rear right
+  // (mecanum) of an omnidirectional base; none of a fixed one.
+  std::vector<std::string> wheels;
   double wheel_radius_m = 0;
-  double track_m = 0;
-  double velocity_max = 0;          // m/s
+  double track_m = 0;               // between left and right wheels
+  double wheelbase_m = 0;           // between front and rear wheels (omnidirectional)
+  double velocity_max = 0;          // m/s, along each axis that the base can move in
   double yaw_rate_max = 0;          // rad/s
-  double acceleration_max = 0;      // m/s^2
+  double acceleration_max = 0;      // m/s^2, likewise
   double yaw_acceleration_max = 0;  // rad/s^2
   double bounding_radius_m =
       0;  // circle about B's origin that holds the robot in its stowed posture
@@ -31,6 +34,7 @@ struct BaseConfig {
 struct JointConfig {
   std::string name;
   double acceleration_max = 0;  // rad/s^2
+  double velocity_max = 0;      // rad/s; 0: the URDF's
 };
 
 struct CameraConfig {
@@ -62,6 +66,7 @@ struct RobotConfig {
   std::vector<std::string>
       fingers;  // prismatic joints of the gripper; total opening = sum of their positions
   std::string end_effector;     // URDF link E
+  std::vector<std::string> more_end_effectors;  // other links that a Reference may lead
   std::string shoulder_camera;  // which camera measures the handle
   double gripper_opening_max_m = 0;
   std::vector<double> stowed;  // q [rad]: arm folded up over the base

@@ -28,7 +28,8 @@ RobotModel::RobotModel(const RobotConfig& config) : config_(config) {
   bodies_.resize(config.joints.size() + 1);
   for (const JointConfig& joint : config.joints) {
     const urdf::JointLimits& l = *urdf->getJoint(joint.name)->limits;
-    limits_.push_back({l.lower, l.upper, l.velocity, l.effort, joint.acceleration_max});
+    limits_.push_back({l.lower, l.upper, joint.velocity_max > 0 ? joint.velocity_max : l.velocity,
+                       l.effort, joint.acceleration_max});
   }
   Frame root;
   root.name = urdf->getRoot()->name;
@@ -45,7 +46,8 @@ RobotModel::RobotModel(const RobotConfig& config) : config_(config) {
     }
   }
   for (const Body& body : bodies_) mass_ += body.mass;
-  end_effector_ = frame(config.end_effector);
+  end_effectors_.push_back(frame(config.end_effector));
+  for (const std::string& link : config.more_end_effectors) end_effectors_.push_back(frame(link));
 
   for (const SphereConfig& s : config.spheres) {
     const Frame& f = frames_[frame(s.link)];
@@ -258,6 +260,21 @@ void RobotModel::mass_matrix(const double* q, JointMatrix& M) const noexcept {
     newton_euler(data, nullptr, ddq.data(), 0, M.col(j).data());
     ddq[j] = 0;
     for (int i = 0; i < j; ++i) M(i, j) = M(j, i);  // exactly symmetric
+  }
+}
+
+void RobotModel::subtrees(const Data& data, Subtrees& out) const noexcept {
+  const int bodies = static_cast<int>(bodies_.size());
+  for (int i = 0; i < bodies; ++i) {
+    out.mass[i] = bodies_[i].mass;
+    out.com_W[i] = bodies_[i].mass * (data.X_WL[i] * bodies_[i].com);
+  }
+  for (int i = bodies - 1; i > 0; --i) {
+    out.mass[bodies_[i].parent] += out.mass[i];
+    out.com_W[bodies_[i].parent] += out.com_W[i];
+  }
+  for (int i = 0; i < bodies; ++i) {
+    if (out.mass[i] > 0) out.com_W[i] /= out.mass[i];
   }
 }
 

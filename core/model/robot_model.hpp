@@ -1,8 +1,8 @@
-// Kinematics and dynamics of a robot from its URDF: fixed or differential-drive base under a tree
-// of joints. The model is immutable; each thread owns its Data. Every const method is a step:
-// noexcept, no allocation. x = (base x, y, yaw; q) with base_dof() = 0 or 3. Jacobians: 6 x nx,
-// linear over angular, in W, with respect to x. Source: Featherstone 2008, Rigid Body Dynamics
-// Algorithms (RNEA, Sec. 5.3).
+// Kinematics and dynamics of a robot from its URDF: a fixed or wheeled base under a tree of joints.
+// The model is immutable; each thread owns its Data. Every const method is a step: noexcept, no
+// allocation. x = (base x, y, yaw; q) with base_dof() = 0 or 3, u = (base_inputs() velocities; dq).
+// Jacobians: 6 x nx, linear over angular, in W, with respect to x. Source: Featherstone 2008, Rigid
+// Body Dynamics Algorithms (RNEA, Sec. 5.3).
 #pragma once
 #include <Eigen/Geometry>
 #include <array>
@@ -66,13 +66,26 @@ class RobotModel {
   int base_dof() const { return config_.base.kind == BaseKind::kFixed ? 0 : 3; }
   int joints() const { return static_cast<int>(limits_.size()); }
   int nx() const { return base_dof() + joints(); }
-  int nu() const { return (base_dof() ? 2 : 0) + joints(); }
+  // Base velocities among the inputs: none; v, w of a differential drive; vx, vy, w in B.
+  int base_inputs() const {
+    return config_.base.kind == BaseKind::kFixed               ? 0
+           : config_.base.kind == BaseKind::kDifferentialDrive ? 2
+                                                               : 3;
+  }
+  int nu() const { return base_inputs() + joints(); }
   const JointLimits& limits(int joint) const { return limits_[joint]; }
   double mass() const { return mass_; }
 
   // Frames are URDF links, also merged ones. frame() throws for an unknown name (setup only).
   int frame(std::string_view link) const;
-  int end_effector() const { return end_effector_; }
+  // Frames that a Reference may lead: 0 is E, then robot.yaml's more_end_effectors.
+  int end_effectors() const { return static_cast<int>(end_effectors_.size()); }
+  int end_effector(int k = 0) const { return end_effectors_[k]; }
+
+  // The tree: body 0 is the base, body i is moved by joint i - 1; a parent's index is smaller.
+  int frame_body(int frame) const { return frames_[frame].body; }
+  int parent(int body) const { return bodies_[body].parent; }
+  bool prismatic(int body) const { return bodies_[body].prismatic; }
 
   void forward_kinematics(const double* x, Data& data) const noexcept;  // x has nx() entries
   Eigen::Isometry3d X_WF(int frame, const Data& data) const noexcept;
@@ -87,6 +100,13 @@ class RobotModel {
                         JointVector& tau) const noexcept;
   void gravity(const double* q, JointVector& tau) const noexcept;
   void mass_matrix(const double* q, JointMatrix& M) const noexcept;
+
+  // Masses and centres of mass (in W) of everything that each joint carries: body i and all beyond.
+  struct Subtrees {
+    std::array<double, kMaxBodies> mass;
+    std::array<Eigen::Vector3d, kMaxBodies> com_W;
+  };
+  void subtrees(const Data& data, Subtrees& out) const noexcept;
 
   const std::vector<Sphere>& spheres() const { return spheres_; }
   const std::vector<Capsule>& capsules() const { return capsules_; }
@@ -130,7 +150,7 @@ class RobotModel {
   std::vector<Capsule> capsules_;
   std::vector<std::array<int, 2>> self_pairs_;
   double mass_ = 0;
-  int end_effector_ = 0;
+  std::vector<int> end_effectors_;
 };
 
 }  // namespace wb

@@ -1,7 +1,7 @@
 // Affine feedback policy of the MPC: u(t, x) = u_ref(t) + K(t) (x - x_ref(t)). Written by MPC,
 // evaluated by control. x = (base x, y [m], yaw [rad]; q), u = (v [m/s], w [rad/s]; dq) for a
-// differential-drive base (DESIGN.md, "Formulation"). Source: Farshidian et al. 2017 (SLQ); Mittal
-// et al. 2022, Sec. IV.
+// differential-drive base, (vx, vy, w; dq) in B for an omnidirectional one. Source: Farshidian et
+// al. 2017 (SLQ); Mittal et al. 2022, Sec. IV.
 #pragma once
 #include <Eigen/Core>
 #include <array>
@@ -12,8 +12,16 @@
 
 namespace wb {
 
+// How far the solve behind a policy came.
+enum class PolicyQuality : std::uint8_t {
+  kFull,
+  kShortened,  // solved up to the first node where something was not a number
+  kKept,       // not solved: the last policy, shifted in time
+};
+
 struct Policy {
   std::uint64_t seq = 0;
+  PolicyQuality quality = PolicyQuality::kFull;
   TimeNs t_ns = 0;  // time of the state that it was solved from
   std::uint64_t reference_seq = 0;
   std::uint64_t field_seq = 0;  // 0: no map was at hand

@@ -137,7 +137,8 @@ class Writer {
     return config_.sim.gripper.armature_kg;
   }
   bool is_wheel(const std::string& joint) const {
-    return joint == config_.robot.base.wheels[0] || joint == config_.robot.base.wheels[1];
+    const std::vector<std::string>& wheels = config_.robot.base.wheels;
+    return std::count(wheels.begin(), wheels.end(), joint) > 0;
   }
 
   void write_joint(const urdf::Joint& joint) {

@@ -46,12 +46,10 @@ Servos::Servos(const PluginConfig& config, const mjModel& model, const mjData& d
     fallbacks_.push_back({sim.hold_stiffness, sim.hold_damping, sim.damped_damping});
   }
   arm_joints_ = static_cast<int>(drives_.size());
-  if (config.robot.base.kind == BaseKind::kDifferentialDrive) {
-    for (const std::string& wheel : config.robot.base.wheels) {
-      drives_.push_back(make_drive(*urdf, model, wheel));
-      const WheelSimConfig& sim = config.sim.wheels;
-      fallbacks_.push_back({sim.brake_stiffness, sim.brake_damping, sim.brake_damping});
-    }
+  for (const std::string& wheel : config.robot.base.wheels) {
+    drives_.push_back(make_drive(*urdf, model, wheel));
+    const WheelSimConfig& sim = config.sim.wheels;
+    fallbacks_.push_back({sim.brake_stiffness, sim.brake_damping, sim.brake_damping});
   }
   for (const std::string& finger : config.robot.fingers)
     fingers_.push_back(make_drive(*urdf, model, finger));

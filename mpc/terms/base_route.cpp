@@ -8,14 +8,17 @@ namespace {
 
 class BaseRouteTerm final : public Term {
  public:
-  BaseRouteTerm(double position_weight, double yaw_weight)
+  BaseRouteTerm(int position_weight, int yaw_weight)
       : Term("base_route", TermKind::kCost, TermScope::kStageAndTerminal),
-        weights_(position_weight, position_weight, yaw_weight) {}
+        position_weight_(position_weight),
+        yaw_weight_(yaw_weight) {}
 
   double evaluate(Node& node, Quadratic* quadratic) const noexcept override {
     if (!node.sample->has_base) return 0.0;
     const Eigen::Vector3d error = node.x.head<3>() - node.sample->base;
-    const Eigen::Vector3d weights = node.reference->base_scale * weights_;
+    const double position = node.reference->base_scale * node.weights[position_weight_];
+    const Eigen::Vector3d weights(position, position,
+                                  node.reference->base_scale * node.weights[yaw_weight_]);
     if (quadratic) {
       quadratic->q.head<3>() += weights.cwiseProduct(error);
       quadratic->Q.diagonal().head<3>() += weights;
@@ -24,7 +27,7 @@ class BaseRouteTerm final : public Term {
   }
 
  private:
-  Eigen::Vector3d weights_;
+  int position_weight_, yaw_weight_;  // indices of weights
 };
 
 // A fixed base follows nothing; the name stays registered so that every robot has the same list.
@@ -36,13 +39,13 @@ class NoBaseRouteTerm final : public Term {
 
 }  // namespace
 
-std::unique_ptr<Term> make_base_route_term(const config::Section& section, const ModelPtr& model) {
+std::unique_ptr<Term> make_base_route_term(const config::Section& section, const ModelPtr& model, WeightTable& weights) {
   if (model->base_dof() == 0) {
     section.finish();
     return std::make_unique<NoBaseRouteTerm>();
   }
-  const double position = section.number("position_pm2", config::kNonNegative);
-  const double yaw = section.number("yaw_prad2", config::kNonNegative);
+  const int position = weights.add(section, "base_route", "position_pm2", config::kNonNegative);
+  const int yaw = weights.add(section, "base_route", "yaw_prad2", config::kNonNegative);
   section.finish();
   return std::make_unique<BaseRouteTerm>(position, yaw);
 }

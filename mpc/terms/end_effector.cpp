@@ -1,4 +1,4 @@
-// The hand follows Reference::ee: 1/2 Qp |p - p_ref|^2 + 1/2 Qo |log(R_ref^T R)|^2, times the
+// End-effectors follow the poses of Reference::ee: 1/2 Qp |p - p_ref|^2 + 1/2 Qo |log(R_ref^T R)|^2, times the
 // reference's scales. The orientation error is in the end-effector's frame; it is smooth up to half
 // a turn, where it jumps. Source: Bloesch et al. 2016 (box-minus and its Jacobian).
 #include <cmath>
@@ -38,22 +38,32 @@ Eigen::Matrix3d log_jacobian(const Eigen::Vector3d& e) {
 
 class EndEffectorTerm final : public Term {
  public:
-  EndEffectorTerm(double position_weight, double orientation_weight, ModelPtr model)
+  EndEffectorTerm(int position_weight, int orientation_weight, ModelPtr model)
       : Term("end_effector", TermKind::kCost, TermScope::kStageAndTerminal),
         position_weight_(position_weight),
         orientation_weight_(orientation_weight),
         model_(std::move(model)) {}
 
   double evaluate(Node& node, Quadratic* quadratic) const noexcept override {
-    if (!node.sample->has_end_effector) return 0.0;
-    const double qp = position_weight_ * node.reference->ee_position_scale;
-    const double qo = orientation_weight_ * node.reference->ee_orientation_scale;
-    const Eigen::Isometry3d X_WE = model_->X_WF(model_->end_effector(), node.kinematics);
-    const Eigen::Vector3d e_p = X_WE.translation() - node.sample->p_WE;
-    const Eigen::Vector3d e_o = log_rotation(node.sample->R_WE.transpose() * X_WE.linear());
+    double cost = 0;
+    for (int k = 0; k < model_->end_effectors(); ++k) {
+      if (node.sample->ee[k].active) cost += follow(k, node, quadratic);
+    }
+    return cost;
+  }
+
+ private:
+  double follow(int k, const Node& node, Quadratic* quadratic) const noexcept {
+    const PoseSample& want = node.sample->ee[k];
+    const EndEffectorReference& ee = node.reference->ee[k];
+    const double qp = node.weights[position_weight_] * ee.position_scale;
+    const double qo = node.weights[orientation_weight_] * ee.orientation_scale;
+    const Eigen::Isometry3d X_WE = model_->X_WF(model_->end_effector(k), node.kinematics);
+    const Eigen::Vector3d e_p = X_WE.translation() - want.p_WE;
+    const Eigen::Vector3d e_o = log_rotation(want.R_WE.transpose() * X_WE.linear());
     if (quadratic) {
       Jacobian J;
-      model_->frame_jacobian(model_->end_effector(), node.kinematics, J);
+      model_->frame_jacobian(model_->end_effector(k), node.kinematics, J);
       const Eigen::Matrix3d to_error = log_jacobian(e_o) * X_WE.linear().transpose();
       PointJacobian J_o(3, J.cols());
       for (int c = 0; c < J.cols(); ++c) J_o.col(c) = to_error * J.col(c).tail<3>();
@@ -68,17 +78,17 @@ class EndEffectorTerm final : public Term {
     return 0.5 * (qp * e_p.squaredNorm() + qo * e_o.squaredNorm());
   }
 
- private:
-  double position_weight_, orientation_weight_;
+  int position_weight_, orientation_weight_;  // indices of weights
   ModelPtr model_;
 };
 
 }  // namespace
 
-std::unique_ptr<Term> make_end_effector_term(const config::Section& section,
-                                             const ModelPtr& model) {
-  const double position = section.number("position_pm2", config::kNonNegative);
-  const double orientation = section.number("orientation_prad2", config::kNonNegative);
+std::unique_ptr<Term> make_end_effector_term(const config::Section& section, const ModelPtr& model, WeightTable& weights) {
+  const int position =
+      weights.add(section, "end_effector", "position_pm2", config::kNonNegative);
+  const int orientation =
+      weights.add(section, "end_effector", "orientation_prad2", config::kNonNegative);
   section.finish();
   return std::make_unique<EndEffectorTerm>(position, orientation, model);
 }

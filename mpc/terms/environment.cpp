@@ -47,6 +47,7 @@ class EnvironmentTerm final : public Term {
         continue;
       }
       cost += 0.5 * mu_ * short_of * short_of;
+      node.violation = std::max(node.violation, -(short_of + delta_ + margin_));
       node.active_spheres |= std::uint64_t{1} << i;
       if (!quadratic) continue;
       Eigen::Vector3d slope;
@@ -70,7 +71,7 @@ class EnvironmentTerm final : public Term {
 
 }  // namespace
 
-std::unique_ptr<Term> make_environment_term(const config::Section& section, const ModelPtr& model) {
+std::unique_ptr<Term> make_environment_term(const config::Section& section, const ModelPtr& model, WeightTable& weights) {
   if (model->spheres().size() > kMaxSpheres) {
     throw config::ConfigError(model->config().folder.string() +
                               "/robot.yaml: 'collision_spheres' holds " +

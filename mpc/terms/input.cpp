@@ -1,6 +1,4 @@
-// Effort: 1/2 |u|^2_R with a diagonal R.
-#include <Eigen/Core>
-
+// Effort: 1/2 |u|^2_R with a diagonal R. Both axes of an omnidirectional base share a weight.
 #include "mpc/terms/terms.hpp"
 
 namespace wb {
@@ -8,41 +6,44 @@ namespace {
 
 class InputTerm final : public Term {
  public:
-  explicit InputTerm(InputVector weights)
+  explicit InputTerm(std::vector<int> weights)
       : Term("input", TermKind::kCost, TermScope::kStage), weights_(std::move(weights)) {}
 
   double evaluate(Node& node, Quadratic* quadratic) const noexcept override {
     double cost = 0;
-    for (int i = 0; i < weights_.size(); ++i) {
-      const double gradient = weights_[i] * node.u[i];
-      cost += 0.5 * gradient * node.u[i];
+    for (std::size_t i = 0; i < weights_.size(); ++i) {
+      const int r = static_cast<int>(i);
+      const double weight = node.weights[weights_[i]];
+      const double gradient = weight * node.u[r];
+      cost += 0.5 * gradient * node.u[r];
       if (quadratic) {
-        quadratic->r[i] += gradient;
-        quadratic->R(i, i) += weights_[i];
+        quadratic->r[r] += gradient;
+        quadratic->R(r, r) += weight;
       }
     }
     return cost;
   }
 
  private:
-  InputVector weights_;
+  std::vector<int> weights_;  // index of each input's weight
 };
 
 }  // namespace
 
-std::unique_ptr<Term> make_input_term(const config::Section& section, const ModelPtr& model) {
-  InputVector weights(model->nu());
-  int row = 0;
-  if (model->base_dof() > 0) {
-    weights[row++] = section.number("base_velocity_s2pm2", config::kPositive);
-    weights[row++] = section.number("base_yaw_rate_s2prad2", config::kPositive);
+std::unique_ptr<Term> make_input_term(const config::Section& section, const ModelPtr& model,
+                                      WeightTable& weights) {
+  std::vector<int> indices;
+  if (model->base_inputs() > 0) {
+    const int translation =
+        weights.add(section, "input", "base_velocity_s2pm2", config::kPositive);
+    indices.resize(static_cast<std::size_t>(model->base_inputs()) - 1, translation);
+    indices.push_back(weights.add(section, "input", "base_yaw_rate_s2prad2", config::kPositive));
   }
-  for (const double w :
-       section.numbers("joint_velocity_s2prad2", model->joints(), config::kPositive)) {
-    weights[row++] = w;
-  }
+  const int first = weights.add_list(section, "input", "joint_velocity_s2prad2", model->joints(),
+                                     config::kPositive);
+  for (int j = 0; j < model->joints(); ++j) indices.push_back(first + j);
   section.finish();
-  return std::make_unique<InputTerm>(weights);
+  return std::make_unique<InputTerm>(indices);
 }
 
 }  // namespace wb

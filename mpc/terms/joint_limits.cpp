@@ -19,8 +19,10 @@ class JointLimitsTerm final : public Term {
     for (int j = 0; j < model_->joints(); ++j) {
       const int row = model_->base_dof() + j;
       const JointLimits& limits = model_->limits(j);
-      const RelaxedBarrier::Value low = barrier_.at(node.x[row] - limits.lower - margin_);
-      const RelaxedBarrier::Value high = barrier_.at(limits.upper - node.x[row] - margin_);
+      const double above = node.x[row] - limits.lower, below = limits.upper - node.x[row];
+      node.violation = std::max(node.violation, -std::min(above, below));
+      const RelaxedBarrier::Value low = barrier_.at(above - margin_);
+      const RelaxedBarrier::Value high = barrier_.at(below - margin_);
       cost += low.value + high.value;
       if (quadratic) {
         quadratic->q[row] += low.slope - high.slope;
@@ -38,8 +40,7 @@ class JointLimitsTerm final : public Term {
 
 }  // namespace
 
-std::unique_ptr<Term> make_joint_limits_term(const config::Section& section,
-                                             const ModelPtr& model) {
+std::unique_ptr<Term> make_joint_limits_term(const config::Section& section, const ModelPtr& model, WeightTable& weights) {
   RelaxedBarrier barrier;
   barrier.mu = section.number("mu", config::kPositive);
   barrier.reach = section.number("reach_rad", config::kPositive);

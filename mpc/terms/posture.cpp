@@ -7,17 +7,18 @@ namespace {
 
 class PostureTerm final : public Term {
  public:
-  PostureTerm(JointVector weights, int first_row)
+  PostureTerm(int first_weight, int joints, int first_row)
       : Term("posture", TermKind::kCost, TermScope::kStageAndTerminal),
-        weights_(std::move(weights)),
+        first_weight_(first_weight),
+        joints_(joints),
         first_row_(first_row) {}
 
   double evaluate(Node& node, Quadratic* quadratic) const noexcept override {
-    if (node.reference->joint_count != weights_.size()) return 0.0;
+    if (node.reference->joint_count != joints_) return 0.0;
     double cost = 0;
-    for (int j = 0; j < weights_.size(); ++j) {
+    for (int j = 0; j < joints_; ++j) {
       const int row = first_row_ + j;
-      const double weight = weights_[j] * node.reference->posture_scale;
+      const double weight = node.weights[first_weight_ + j] * node.reference->posture_scale;
       const double error = node.x[row] - node.reference->posture[j];
       cost += 0.5 * weight * error * error;
       if (quadratic) {
@@ -29,19 +30,16 @@ class PostureTerm final : public Term {
   }
 
  private:
-  JointVector weights_;
-  int first_row_;
+  int first_weight_, joints_, first_row_;
 };
 
 }  // namespace
 
-std::unique_ptr<Term> make_posture_term(const config::Section& section, const ModelPtr& model) {
-  const std::vector<double> weights =
-      section.numbers("joint_position_prad2", model->joints(), config::kNonNegative);
+std::unique_ptr<Term> make_posture_term(const config::Section& section, const ModelPtr& model, WeightTable& weights) {
+  const int first = weights.add_list(section, "posture", "joint_position_prad2", model->joints(),
+                                     config::kNonNegative);
   section.finish();
-  return std::make_unique<PostureTerm>(
-      JointVector(Eigen::Map<const Eigen::VectorXd>(weights.data(), model->joints())),
-      model->base_dof());
+  return std::make_unique<PostureTerm>(first, model->joints(), model->base_dof());
 }
 
 }  // namespace wb

@@ -20,6 +20,7 @@ class VelocityLimitsTerm final : public Term {
     for (int i = 0; i < limits_.size(); ++i) {
       const double per_limit = 1.0 / (limits_[i] * node.reference->speed_scale);
       const double u = node.u[i] * per_limit;
+      node.violation = std::max(node.violation, std::abs(u) - 1.0);
       for (const double sign : {1.0, -1.0}) {
         const RelaxedBarrier::Value v = barrier_.at(1.0 - sign * u);
         cost += v.value;
@@ -39,8 +40,7 @@ class VelocityLimitsTerm final : public Term {
 
 }  // namespace
 
-std::unique_ptr<Term> make_velocity_limits_term(const config::Section& section,
-                                                const ModelPtr& model) {
+std::unique_ptr<Term> make_velocity_limits_term(const config::Section& section, const ModelPtr& model, WeightTable& weights) {
   RelaxedBarrier barrier;
   barrier.mu = section.number("mu", config::kPositive);
   barrier.reach = section.number("reach_fraction", {1e-6, 1.0});

@@ -120,7 +120,7 @@ class IdealPlant {
     move_gripper(gripper, dt_s);
     if (ref.base_goal_active && base_moves) base = ref.base_goal;
     if (!hand_follows) return;
-    if (ref.ee_count == 0) {
+    if (ref.ee[0].count == 0) {
       q.assign(ref.posture.begin(), ref.posture.begin() + mabi()->joints());
       return;
     }
@@ -142,12 +142,12 @@ class IdealPlant {
   // the last.
   static Eigen::Isometry3d sample(const Reference& ref, TimeNs t) {
     int i = 0;
-    while (i < ref.ee_count - 1 && ref.ee[i + 1].t_ns <= t) ++i;
-    const Eigen::Isometry3d a = ref.ee[i].X_WE.isometry();
-    if (i == ref.ee_count - 1 || t <= ref.ee[i].t_ns) return a;
-    const double s = static_cast<double>(t - ref.ee[i].t_ns) /
-                     static_cast<double>(ref.ee[i + 1].t_ns - ref.ee[i].t_ns);
-    return towards(a, ref.ee[i + 1].X_WE.isometry(), s);
+    while (i < ref.ee[0].count - 1 && ref.ee[0].keyframes[i + 1].t_ns <= t) ++i;
+    const Eigen::Isometry3d a = ref.ee[0].keyframes[i].X_WE.isometry();
+    if (i == ref.ee[0].count - 1 || t <= ref.ee[0].keyframes[i].t_ns) return a;
+    const double s = static_cast<double>(t - ref.ee[0].keyframes[i].t_ns) /
+                     static_cast<double>(ref.ee[0].keyframes[i + 1].t_ns - ref.ee[0].keyframes[i].t_ns);
+    return towards(a, ref.ee[0].keyframes[i + 1].X_WE.isometry(), s);
   }
 
  private:

@@ -208,9 +208,9 @@ TEST(TaskStuckJoint, IsReportedAndMeetsABoundedForce) {
         prismatic ? limits.number("lag_max_m") : 0.5 * limits.number("lag_max_rad");
     double most = 0;
     run.every_tick = [&](TaskRun& r) {
-      if (r.out.phase != Phase::kManipulate || r.reference.ee_count < 3) return;
+      if (r.out.phase != Phase::kManipulate || r.reference.ee[0].count < 3) return;
       const Eigen::Vector3d hand = hand_pose(r.plant.base, r.plant.q.data()).translation();
-      most = std::max(most, (r.reference.ee[0].X_WE.position() - hand).norm());
+      most = std::max(most, (r.reference.ee[0].keyframes[0].X_WE.position() - hand).norm());
     };
     ASSERT_NO_FATAL_FAILURE(run.run());
     expect_failed(run, "object does not move");

@@ -100,7 +100,7 @@ TEST_P(TaskSequencerOpens, SetPointLeadsTheHandByNoMoreThanTheLag) {
   const double lag = Limits().number(prismatic ? "lag_max_m" : "lag_max_rad");
   double most = 0;
   run.every_tick = [&](TaskRun& r) {
-    if (r.out.phase != Phase::kManipulate || r.reference.ee_count < 3) return;
+    if (r.out.phase != Phase::kManipulate || r.reference.ee[0].count < 3) return;
     const ObjectPlan closed = [&] {
       Unit u = r.plant.unit;
       u.joint.value = 0;
@@ -109,7 +109,7 @@ TEST_P(TaskSequencerOpens, SetPointLeadsTheHandByNoMoreThanTheLag) {
     // Joint value of the first keyframe, by projection of its displacement.
     const Eigen::Vector3d axis = Eigen::Vector3d::Map(closed.articulation.axis.data());
     const Eigen::Vector3d hand = hand_pose(r.plant.base, r.plant.q.data()).translation();
-    const Eigen::Vector3d lead = r.reference.ee[0].X_WE.position() - hand;
+    const Eigen::Vector3d lead = r.reference.ee[0].keyframes[0].X_WE.position() - hand;
     double value = axis.dot(lead);
     if (!prismatic) {
       const Eigen::Vector3d origin = Eigen::Vector3d::Map(closed.articulation.axis_origin.data());
@@ -131,7 +131,7 @@ TEST(TaskSequencer, ApproachAsksForTheBaseAndKeepsTheArmStowedUntilItIsNear) {
   run.sequencer.start(run.request, run.state);
   ASSERT_NO_FATAL_FAILURE(run.step());
   EXPECT_TRUE(run.reference.base_goal_active);
-  EXPECT_EQ(run.reference.ee_count, 0);
+  EXPECT_EQ(run.reference.ee[0].count, 0);
   const std::vector<double>& stowed = mabi()->config().stowed;
   EXPECT_TRUE(std::equal(stowed.begin(), stowed.end(), run.reference.posture.begin()));
   // The unit was placed in front of a base at kFarAway; the ready hand is level to within a few
@@ -172,7 +172,7 @@ TEST(TaskSequencer, MeasurementIsKeptWhenTheHandleLeavesTheView) {
       r.plant.unit.X_WG0.translation().y() += 0.05;
     }
     if (seen > 4) {
-      const Eigen::Vector3d p = r.reference.ee[0].X_WE.position();
+      const Eigen::Vector3d p = r.reference.ee[0].keyframes[0].X_WE.position();
       EXPECT_NEAR(
           p.y(),
           (prior.X_WG0 * Eigen::Vector3d(0, 0, -Limits().number("pre_grasp_standoff_m"))).y(),

@@ -27,7 +27,7 @@ Reference reach(double x, double y, double z) {
 }
 
 double distance_to(const ClosedLoop& loop, const Reference& reference) {
-  return (loop.X_WE().translation() - reference.ee[0].X_WE.position()).norm();
+  return (loop.X_WE().translation() - reference.ee[0].keyframes[0].X_WE.position()).norm();
 }
 
 // Least distance of the unmasked, masked or all spheres to the field's obstacles.
@@ -79,12 +79,12 @@ TEST(ClosedLoop, GoalBehindTheRobotIsReached) {
 TEST(ClosedLoop, MovingGoalIsTrackedAsADrawerIsPulled) {
   ClosedLoop loop(mobile(), ready());
   Reference pull = reach(0, 0, 0);
-  pull.ee_count = 2;
-  pull.ee[0].t_ns = from_seconds(1.0);
-  pull.ee[1] = {from_seconds(6.0), reach(-0.4, 0, 0).ee[0].X_WE};
+  pull.ee[0].count = 2;
+  pull.ee[0].keyframes[0].t_ns = from_seconds(1.0);
+  pull.ee[0].keyframes[1] = {from_seconds(6.0), reach(-0.4, 0, 0).ee[0].keyframes[0].X_WE};
   double worst = 0;
   loop.run(pull, nullptr, 7.0, [&] {
-    worst = std::max(worst, (loop.X_WE().translation() - sample(pull, loop.now()).p_WE).norm());
+    worst = std::max(worst, (loop.X_WE().translation() - sample(pull, loop.now()).ee[0].p_WE).norm());
   });
   EXPECT_LE(worst, 15e-3);  // the plant's lag alone is 50 ms x 0.08 m/s = 4 mm
 }
@@ -114,8 +114,8 @@ struct PastABox {
       {{hand + Eigen::Vector3d(-0.10, 0.20, -0.6), hand + Eigen::Vector3d(0.25, 0.45, 0.1)}});
   Reference goal = reach(0, 0, 0);
   PastABox() {
-    goal.ee_count = 2;
-    goal.ee[1] = {from_seconds(4.0), reach(0.0, 0.7, 0.0).ee[0].X_WE};
+    goal.ee[0].count = 2;
+    goal.ee[0].keyframes[1] = {from_seconds(4.0), reach(0.0, 0.7, 0.0).ee[0].keyframes[0].X_WE};
   }
 };
 

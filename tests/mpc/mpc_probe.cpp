@@ -52,7 +52,7 @@ void run(const char* name, const std::shared_ptr<const OptimalControlProblem>& p
     loop.run(stage.reference, field, stage.duration_s, [&] {
       const ReferenceSample want = sample(stage.reference, loop.now());
       const double error =
-          want.has_end_effector ? (loop.X_WE().translation() - want.p_WE).norm() : 0;
+          want.ee[0].active ? (loop.X_WE().translation() - want.ee[0].p_WE).norm() : 0;
       if (error > 0.01) settled_s = -1;
       if (error <= 0.01 && settled_s < 0) settled_s = to_seconds(loop.now() - begin);
       worst_p = std::max(worst_p, error);
@@ -80,11 +80,11 @@ void run(const char* name, const std::shared_ptr<const OptimalControlProblem>& p
                                                 stage.reference.joint_count);
       std::printf(" posture %.2f rad", (loop.x().tail(q.size()) - q).lpNorm<Eigen::Infinity>());
     }
-    if (want.has_end_effector) {
+    if (want.ee[0].active) {
       std::printf(
           " ee %6.2f mm %5.2f deg (worst %6.1f mm, within 10 mm from %5.2f s)",
-          1e3 * (X.translation() - want.p_WE).norm(),
-          180 / std::numbers::pi * Eigen::AngleAxisd(want.R_WE.transpose() * X.linear()).angle(),
+          1e3 * (X.translation() - want.ee[0].p_WE).norm(),
+          180 / std::numbers::pi * Eigen::AngleAxisd(want.ee[0].R_WE.transpose() * X.linear()).angle(),
           1e3 * worst_p, settled_s);
     }
     if (want.has_base) {
@@ -195,7 +195,7 @@ Reference route(TimeNs start, double x, double y) {
   at(0.5 + turn_s, 0, 0, heading);
   at(0.5 + turn_s + drive_s, x, y, heading);
   at(0.5 + 2 * turn_s + drive_s, x, y, 0);
-  reference.ee_position_scale = reference.ee_orientation_scale = 0;
+  reference.ee[0].position_scale = reference.ee[0].orientation_scale = 0;
   return reference;
 }
 
@@ -239,19 +239,19 @@ int main(int argc, char** argv) {
   }
   if (wanted("drawer")) {
     Reference pull = shifted(0, 0, 0);
-    pull.ee_count = 2;
-    pull.ee[0].t_ns = from_seconds(1.0);
-    pull.ee[1] = {from_seconds(6.0), shifted(-0.45, 0, 0).ee[0].X_WE};
+    pull.ee[0].count = 2;
+    pull.ee[0].keyframes[0].t_ns = from_seconds(1.0);
+    pull.ee[0].keyframes[1] = {from_seconds(6.0), shifted(-0.45, 0, 0).ee[0].keyframes[0].X_WE};
     run("drawer: 0.45 m in 5 s", problem, ready, nullptr, {{8, pull}});
     Reference door = shifted(0, 0, 0);
-    door.ee_count = 21;
+    door.ee[0].count = 21;
     const Eigen::Vector3d hinge = X_ready.translation() + Eigen::Vector3d(0, 0.45, 0);
     for (int i = 0; i <= 20; ++i) {
       const Eigen::AngleAxisd turn(-1.4 * i / 20, Eigen::Vector3d::UnitZ());
       Eigen::Isometry3d X = X_ready;
       X.translation() = hinge + turn * (X_ready.translation() - hinge);
       X.linear() = turn * X_ready.linear();
-      door.ee[i] = {from_seconds(1.0 + 0.4 * i), Pose::from(X)};
+      door.ee[0].keyframes[i] = {from_seconds(1.0 + 0.4 * i), Pose::from(X)};
     }
     run("door: 80 degrees at 0.45 m in 8 s", problem, ready, nullptr, {{11, door}});
   }
@@ -269,8 +269,8 @@ int main(int argc, char** argv) {
     const DistanceField field = field_of(
         {{hand + Eigen::Vector3d(-0.1, 0.2, -0.6), hand + Eigen::Vector3d(0.25, 0.45, 0.1)}});
     Reference timed = shifted(0, 0, 0);
-    timed.ee_count = 2;
-    timed.ee[1] = {from_seconds(4), shifted(0, 0.7, 0).ee[0].X_WE};
+    timed.ee[0].count = 2;
+    timed.ee[0].keyframes[1] = {from_seconds(4), shifted(0, 0.7, 0).ee[0].keyframes[0].X_WE};
     run("past a box, 0.7 m in 4 s", problem, ready, &field, {{6, timed}});
     Reference there = shifted(0, 0.7, 0), back = shifted(0, 0, 0);
     run("past a box and back, at once", problem, ready, &field, {{6, there}, {6, back}});

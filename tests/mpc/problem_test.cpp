@@ -47,7 +47,7 @@ TEST(OptimalControlProblem, ConfigurationErrorsNameFileAndKey) {
   EXPECT_NE(unknown.find("mpc.yaml"), std::string::npos);
   EXPECT_NE(unknown.find("terms.self_collision.reach_m"), std::string::npos);
   EXPECT_NE(
-      error_of(std::regex_replace(good, std::regex("fine_step_s: [0-9.]+"), "fine_step_s: 0.001"))
+      error_of(std::regex_replace(good, std::regex("coarse_step_s: [0-9.]+"), "coarse_step_s: 0.001"))
           .find("nodes"),
       std::string::npos);
   EXPECT_NE(error_of(std::regex_replace(good, std::regex("mu_pm2: [0-9.]+"), "mu_pm2: -1"))
@@ -62,8 +62,50 @@ TEST(OptimalControlProblem, DisabledTermsAreLeftOutAndUnknownOnesRefused) {
   EXPECT_THROW(OptimalControlProblem(mabi(), {"enviroment"}), config::ConfigError);
 }
 
-TEST(OptimalControlProblem, StepIsTheExactIntegral) {
-  const OptimalControlProblem problem(mabi());
+// Mabi-Mobile, and the same robot on a base that can move sideways.
+class MotionOf : public ::testing::TestWithParam<BaseKind> {
+ protected:
+  static std::shared_ptr<const RobotModel> robot() {
+    RobotConfig config = mabi_config();
+    config.base.kind = GetParam();
+    return std::make_shared<const RobotModel>(config);
+  }
+  const OptimalControlProblem problem{robot()};
+  const int turn = problem.model().base_inputs() - 1;
+};
+INSTANTIATE_TEST_SUITE_P(Bases, MotionOf,
+                         ::testing::Values(BaseKind::kDifferentialDrive,
+                                           BaseKind::kOmnidirectional));
+
+TEST(OptimalControlProblem, AnOmnidirectionalBasesTwoAxesShareLimitsAndWeight) {
+  RobotConfig config = mabi_config();
+  config.base.kind = BaseKind::kOmnidirectional;
+  const OptimalControlProblem problem(std::make_shared<const RobotModel>(config));
+  EXPECT_EQ(problem.nx(), 9);
+  EXPECT_EQ(problem.nu(), 9);
+  const InputVector& fastest = problem.limits().velocity;
+  EXPECT_EQ(fastest[0], config.base.velocity_max);
+  EXPECT_EQ(fastest[1], config.base.velocity_max);
+  EXPECT_EQ(fastest[2], config.base.yaw_rate_max);
+  EXPECT_EQ(fastest[3], problem.model().limits(0).velocity);
+  const InputVector& hardest = problem.limits().acceleration;
+  EXPECT_EQ(hardest[1], config.base.acceleration_max);
+  EXPECT_EQ(hardest[2], config.base.yaw_acceleration_max);
+  Node node;
+  const Reference reference;
+  node.reference = &reference;
+  node.x.setZero(problem.nx());
+  const auto effort = [&](int row) {
+    node.u.setZero(problem.nu());
+    node.u[row] = 0.1;
+    return problem.terms()[0]->evaluate(node, nullptr);
+  };
+  ASSERT_EQ(problem.terms()[0]->name(), "input");
+  EXPECT_EQ(effort(0), effort(1));
+  EXPECT_NE(effort(1), effort(2));
+}
+
+TEST_P(MotionOf, StepIsTheExactIntegral) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> uniform(-1, 1);
   for (int sample = 0; sample < 20; ++sample) {
@@ -71,23 +113,23 @@ TEST(OptimalControlProblem, StepIsTheExactIntegral) {
     InputVector u(problem.nu());
     for (int i = 0; i < x.size(); ++i) x[i] = 3 * uniform(random);
     for (int i = 0; i < u.size(); ++i)
-      u[i] = uniform(random) * (sample % 3 == 0 && i == 1 ? 1e-7 : 1.0);
+      u[i] = uniform(random) * (sample % 3 == 0 && i == turn ? 1e-7 : 1.0);
+    const double vx = u[0], vy = turn == 2 ? u[1] : 0.0;
     constexpr int kParts = 20000;
     constexpr double kDt = 0.5;
     fine = x;
     for (int i = 0; i < kParts; ++i) {  // midpoint rule, error below kDt^3 / kParts^2
-      const double yaw = fine[2] + 0.5 * u[1] * kDt / kParts;
-      fine[0] += std::cos(yaw) * u[0] * kDt / kParts;
-      fine[1] += std::sin(yaw) * u[0] * kDt / kParts;
-      for (int r = 1; r < u.size(); ++r) fine[r + 1] += u[r] * kDt / kParts;
+      const double yaw = fine[2] + 0.5 * u[turn] * kDt / kParts;
+      fine[0] += (std::cos(yaw) * vx - std::sin(yaw) * vy) * kDt / kParts;
+      fine[1] += (std::sin(yaw) * vx + std::cos(yaw) * vy) * kDt / kParts;
+      for (int r = turn; r < u.size(); ++r) fine[r + 2 - turn] += u[r] * kDt / kParts;
     }
     problem.step(x.data(), u.data(), kDt, coarse.data());
     EXPECT_LE((fine - coarse).norm(), 1e-9);
   }
 }
 
-TEST(OptimalControlProblem, StepDerivativesMatchCentralDifferences) {
-  const OptimalControlProblem problem(mabi());
+TEST_P(MotionOf, StepDerivativesMatchCentralDifferences) {
   std::mt19937 random(6);
   std::uniform_real_distribution<double> uniform(-1, 1);
   constexpr double kStep = 1e-6, kTolerance = 1e-8;  // step^2 + rounding / step
@@ -96,8 +138,8 @@ TEST(OptimalControlProblem, StepDerivativesMatchCentralDifferences) {
     InputVector u(problem.nu());
     for (int i = 0; i < x.size(); ++i) x[i] = 3 * uniform(random);
     for (int i = 0; i < u.size(); ++i) u[i] = uniform(random);
-    if (sample % 3 == 0) u[1] = 0.0;    // straight
-    if (sample % 3 == 1) u[1] *= 1e-3;  // the series
+    if (sample % 3 == 0) u[turn] = 0.0;    // straight
+    if (sample % 3 == 1) u[turn] *= 1e-3;  // the series
     StateMatrix A;
     StateInputMatrix B;
     problem.step_derivatives(x.data(), u.data(), 0.1, A, B);
@@ -117,29 +159,29 @@ TEST(OptimalControlProblem, StepDerivativesMatchCentralDifferences) {
 
 TEST(ReferenceSample, InterpolatesBetweenKeyframesAndHoldsOutside) {
   Reference reference;
-  reference.ee_count = reference.base_count = 2;
-  reference.ee[0] = {100, Pose::from({0, 0, 0}, Eigen::Quaterniond::Identity())};
-  reference.ee[1] = {
+  reference.ee[0].count = reference.base_count = 2;
+  reference.ee[0].keyframes[0] = {100, Pose::from({0, 0, 0}, Eigen::Quaterniond::Identity())};
+  reference.ee[0].keyframes[1] = {
       200,
       Pose::from({1, 2, 3}, Eigen::Quaterniond(Eigen::AngleAxisd(1.0, Eigen::Vector3d::UnitX())))};
   reference.base[0] = {100, {0, 0, 3}};
   reference.base[1] = {200, {1, -1, 4}};  // yaw is continuous: no wrapping on the way
   constexpr double kRounding = 1e-14;
   const ReferenceSample middle = sample(reference, 125);
-  EXPECT_LE((middle.p_WE - Eigen::Vector3d(0.25, 0.5, 0.75)).norm(), kRounding);
-  EXPECT_NEAR(Eigen::AngleAxisd(middle.R_WE).angle(), 0.25, 1e-12);
+  EXPECT_LE((middle.ee[0].p_WE - Eigen::Vector3d(0.25, 0.5, 0.75)).norm(), kRounding);
+  EXPECT_NEAR(Eigen::AngleAxisd(middle.ee[0].R_WE).angle(), 0.25, 1e-12);
   EXPECT_LE((middle.base - Eigen::Vector3d(0.25, -0.25, 3.25)).norm(), kRounding);
   EXPECT_EQ(sample(reference, 0).base[2], 3.0);
-  EXPECT_EQ(sample(reference, 999).p_WE.z(), 3.0);
-  EXPECT_FALSE(sample(Reference{}, 0).has_end_effector);
+  EXPECT_EQ(sample(reference, 999).ee[0].p_WE.z(), 3.0);
+  EXPECT_FALSE(sample(Reference{}, 0).ee[0].active);
   EXPECT_FALSE(sample(Reference{}, 0).has_base);
 }
 
 TEST(ReferenceSample, QuaternionOfLengthZeroIsNotTakenForARotation) {
   Reference reference;
-  reference.ee_count = 1;
-  reference.ee[0].X_WE.q = {0, 0, 0, 0};
-  EXPECT_FALSE(sample(reference, 0).R_WE.allFinite());
+  reference.ee[0].count = 1;
+  reference.ee[0].keyframes[0].X_WE.q = {0, 0, 0, 0};
+  EXPECT_FALSE(sample(reference, 0).ee[0].R_WE.allFinite());
 }
 
 // Two states, one input, nodes at 0, 100 and 300 ns.

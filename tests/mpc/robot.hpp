@@ -45,8 +45,8 @@ inline std::array<Pose, 4> reference_goals() {
 
 inline Reference reach_for(const Pose& goal) {
   Reference reference;
-  reference.ee_count = 1;
-  reference.ee[0].X_WE = goal;
+  reference.ee[0].count = 1;
+  reference.ee[0].keyframes[0].X_WE = goal;
   return reference;
 }
 

@@ -93,7 +93,7 @@ TEST(SlqSolver, TermCostsAddUpToTheCost) {
   Session s(mobile());
   ASSERT_EQ(s.solve(reach_ahead(mobile()->model(), 0.3, 0, 0)), SolveStatus::kConverging);
   double sum = 0;
-  for (const double c : s.report.term_cost) sum += c;
+  for (const double c : s.report.terms.cost) sum += c;
   EXPECT_NEAR(sum, s.report.cost_after, 1e-12 * (1 + sum) * s.report.nodes);
 }
 
@@ -160,7 +160,7 @@ TEST(SlqSolver, TermsWithoutAReferenceCostNothing) {
     const std::string& name = terms[i]->name();
     if (name == "end_effector" || name == "base_route" || name == "posture" ||
         name == "environment") {
-      EXPECT_EQ(s.report.term_cost[i], 0.0) << name;
+      EXPECT_EQ(s.report.terms.cost[i], 0.0) << name;
     }
   }
 }
@@ -217,15 +217,15 @@ INSTANTIATE_TEST_SUITE_P(
         Spoiler{"JointInfinite",
                 [](StateVector& x, Reference&, DistanceField&) { x[5] = 1.0 / 0.0; }},
         Spoiler{"Goal",
-                [](StateVector&, Reference& r, DistanceField&) { r.ee[0].X_WE.p[1] = kNan; }},
+                [](StateVector&, Reference& r, DistanceField&) { r.ee[0].keyframes[0].X_WE.p[1] = kNan; }},
         Spoiler{"GoalOverflows",
-                [](StateVector&, Reference& r, DistanceField&) { r.ee[0].X_WE.p[1] = 1e200; }},
+                [](StateVector&, Reference& r, DistanceField&) { r.ee[0].keyframes[0].X_WE.p[1] = 1e200; }},
         Spoiler{"Quaternion",
                 [](StateVector&, Reference& r, DistanceField&) {
-                  r.ee[0].X_WE.q = {0, 0, 0, 0};
+                  r.ee[0].keyframes[0].X_WE.q = {0, 0, 0, 0};
                 }},
         Spoiler{"Scale",
-                [](StateVector&, Reference& r, DistanceField&) { r.ee_position_scale = kNan; }},
+                [](StateVector&, Reference& r, DistanceField&) { r.ee[0].position_scale = kNan; }},
         Spoiler{"SpeedScale",
                 [](StateVector&, Reference& r, DistanceField&) { r.speed_scale = kNan; }},
         Spoiler{"SpeedScaleZero",
@@ -266,7 +266,7 @@ TEST(SlqSolver, SolvingAllocatesNothing) {
     Session s(problem);
     Reference reference = reach_ahead(problem->model(), 0.5, 0.3, 0.0);
     for (int call = 0; call < 40; ++call, s.advance()) {
-      if (call == 20) reference.ee[0].X_WE.p[0] = kNan;  // the fallback too
+      if (call == 20) reference.ee[0].keyframes[0].X_WE.p[0] = kNan;  // the fallback too
       const std::uint64_t before = thread_allocations();
       const SolveStatus status = s.solve(reference, &field);
       EXPECT_EQ(thread_allocations(), before);
@@ -284,7 +284,7 @@ TEST(SlqSolver, FixedArmReachesAGoal) {
   for (int call = 0; call < 150; ++call, s.advance())
     ASSERT_NE(s.solve(reference), SolveStatus::kNotFinite);
   const Eigen::Vector3d p_WE = end_effector_pose(problem->model(), s.x).translation();
-  EXPECT_LE((p_WE - reference.ee[0].X_WE.position()).norm(), 2e-3);
+  EXPECT_LE((p_WE - reference.ee[0].keyframes[0].X_WE.position()).norm(), 2e-3);
 }
 
 }  // namespace
