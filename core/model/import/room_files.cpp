@@ -151,7 +151,8 @@ std::string mpc_yaml(const RoomInputs& in) {
          "robot check`.\n"
       << "grid: {fine_step_s: 0.04, fine_until_s: 1.0, coarse_step_s: 0.1, horizon_s: 4.0}\n"
       << "terminal_weight_s: 1.0\n"
-      << "solver:\n  line_search_steps: 5\n  acceleration_fraction: 0.9\n"
+      << "solver:\n  line_search_steps: 3\n  line_search_ratio: 0.3\n  equality_penalty: 1000.0\n"
+      << "  acceleration_fraction: 0.9\n"
       << "terms:\n  input:\n";
   if (drives(in)) out << "    base_velocity_s2pm2: 3.0\n    base_yaw_rate_s2prad2: 2.0\n";
   // A sliding joint weighs as a turning one that moves the hand as fast.
@@ -164,6 +165,9 @@ std::string mpc_yaml(const RoomInputs& in) {
          "as if they turned at the arm's reach\n"
       << "    joint_velocity_s2prad2: " << numbers(effort) << "\n"
       << "  end_effector: {position_pm2: 80.0, orientation_prad2: 16.0}\n"
+      << "  twist: {linear_s2pm2: 40.0, angular_s2prad2: 8.0}\n"
+      << "  wrench: {mu: 0.05, delta_fraction: 0.02, reach_fraction: 0.3, margin_fraction: 0.05}\n"
+      << "  velocity_constraint: {}\n"
       << "  posture: {joint_position_prad2: "
       << numbers(std::vector<double>(in.limits.size(), 0.02)) << "}\n"
       << "  base_route: " << (drives(in) ? "{position_pm2: 40.0, yaw_prad2: 20.0}" : "{}") << "\n"
@@ -171,7 +175,13 @@ std::string mpc_yaml(const RoomInputs& in) {
       << "  velocity_limits: {mu: 0.01, delta_fraction: 0.1, reach_fraction: 0.5}\n"
       << "  self_collision: {mu: 0.04, delta_m: 0.004, reach_m: 0.03, minimum_distance_m: "
       << number(kPairDistance_m) << "}\n"
-      << "  environment: {mu_pm2: 2000.0, delta_m: 0.03, margin_m: 0.0}\n";
+      << "  environment: {mu_pm2: 2000.0, delta_m: 0.03, margin_m: 0.0}\n"
+      << "  # The largest circle between the wheels and castors on the floor.\n"
+      << "  stability: {" << (in.support_radius_m > 0 ? "" : "enabled: false, ")
+      << "mu: 0.02, delta_m: 0.005, reach_m: 0.05, support_centre_m: ["
+      << number(in.support_centre_m.x()) << ", " << number(in.support_centre_m.y())
+      << "], support_radius_m: " << number(std::max(0.01, in.support_radius_m))
+      << ", margin_m: 0.015}\n";
   return out.str();
 }
 

@@ -26,6 +26,9 @@ struct RoomInputs {
   double velocity_max_mps = 0, yaw_rate_max_radps = 0;  // of the base
   double reach_m = 0, height_m = 0;                     // of the arm; of the stowed robot
   std::string shapes_comment, pairs_comment, stowed_comment, ready_comment;
+  // Circle on the floor within which what carries the robot holds it; radius 0: none.
+  Eigen::Vector2d support_centre_m{0, 0};
+  double support_radius_m = 0;
   std::vector<std::string> pads;  // collisions of the fingers
 };
 

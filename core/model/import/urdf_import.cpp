@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <numbers>
 #include <random>
 #include <set>
 #include <sstream>
 
 #include "core/config/config.hpp"
+#include "core/model/import/contact_exclusion.hpp"
 #include "core/model/import/room_files.hpp"
 
 namespace wb {
@@ -65,7 +67,10 @@ class Import {
     if (!report_.postures.collision_free) refuse_postures();
     describe_postures();
     guess_dynamics();
-    exclude_contacts();
+    find_support();
+    in_.excluded =
+        excluded_contacts(document_, in_.structure, RobotModel(in_.robot), options_.sampling.seed);
+    report_.excluded = static_cast<int>(in_.excluded.size());
     for (const std::string& finger : in_.structure.fingers) {
       for (const UrdfCollision& c : document_.link(document_.joint(finger)->child).collisions)
         in_.pads.push_back(c.name);
@@ -341,74 +346,38 @@ class Import {
     in_.yaw_rate_max_radps = std::min(1.0, in_.velocity_max_mps / lever);
   }
 
-  // Neighbours; and what overlaps by its shape, whatever the posture.
-  void exclude_contacts() {
-    const RobotModel model(in_.robot);
-    std::vector<const UrdfLink*> shaped;
+  // The largest circle about the contacts' middle that lies between them.
+  void find_support() {
+    std::vector<Eigen::Vector2d> contacts;
+    const auto poses = document_.poses();
+    for (const std::string& wheel : in_.structure.wheels)
+      contacts.emplace_back(poses.at(document_.joint(wheel)->child).translation().head<2>());
     for (const UrdfLink& link : document_.links) {
-      if (!link.collisions.empty()) shaped.push_back(&link);
-    }
-    for (std::size_t i = 0; i < shaped.size(); ++i) {
-      for (std::size_t k = i + 1; k < shaped.size(); ++k) {
-        const std::string reason = excuse(model, *shaped[i], *shaped[k]);
-        if (!reason.empty()) in_.excluded.push_back({shaped[i]->name, shaped[k]->name, reason});
+      for (const UrdfCollision& c : link.collisions) {
+        const auto& castors = in_.structure.castors;
+        if (std::find(castors.begin(), castors.end(), c.name) != castors.end())
+          contacts.emplace_back((poses.at(link.name) * c.solid.X_LS.translation()).head<2>());
       }
     }
-    report_.excluded = static_cast<int>(in_.excluded.size());
-  }
-
-  // The joint that moves a link's rigid group; empty for the base's.
-  const UrdfJoint* mover(const std::string& link) const {
-    const UrdfJoint* up = document_.joint_above(link);
-    while (up != nullptr && !up->movable()) up = document_.joint_above(up->parent);
-    return up;
-  }
-
-  std::string excuse(const RobotModel& model, const UrdfLink& a, const UrdfLink& b) const {
-    const UrdfJoint *ja = mover(a.name), *jb = mover(b.name);
-    if (ja == jb) return "one rigid body";
-    if (jb != nullptr && mover(jb->parent) == ja) return "adjacent: " + jb->name;
-    if (ja != nullptr && mover(ja->parent) == jb) return "adjacent: " + ja->name;
-    const auto& fingers = in_.structure.fingers;
-    const auto finger = [&](const UrdfJoint* j) {
-      return j && std::find(fingers.begin(), fingers.end(), j->name) != fingers.end();
-    };
-    if (finger(ja) && finger(jb)) return "the fingers meet when the gripper closes";
-    const double share = overlap(model, a, b);
-    if (share > 0.5) return "their shapes overlap in " + percent(share) + " of the postures";
-    return "";
-  }
-
-  double overlap(const RobotModel& model, const UrdfLink& a, const UrdfLink& b) const {
-    const ArmRange range = arm_range(model);
-    const int fa = model.frame(a.name), fb = model.frame(b.name);
-    std::mt19937_64 random(options_.sampling.seed);
-    int overlapping = 0;
-    constexpr int kPostures = 24;
-    for (int k = 0; k < kPostures; ++k) {
-      std::vector<double> q = k == 0 ? in_.robot.stowed : in_.robot.ready;
-      for (std::size_t j = 0; j < q.size() && k > 1; ++j) {
-        const double share = static_cast<double>(random() >> 11) * 0x1.0p-53;
-        q[j] = range.lower[j] + share * (range.upper[j] - range.lower[j]);
-      }
-      const RobotModel::Data data = arm_data(model, q);
-      const Isometry3d X_AB = model.X_WF(fa, data).inverse() * model.X_WF(fb, data);
-      const bool hit = touches(a, b, X_AB) || touches(b, a, X_AB.inverse());
-      if (hit && k < 2) return 1;  // the postures that it rests in
-      overlapping += hit;
+    if (contacts.size() < 3) return;
+    Eigen::Vector2d low = contacts[0], high = contacts[0];
+    for (const Eigen::Vector2d& p : contacts) {
+      low = low.cwiseMin(p);
+      high = high.cwiseMax(p);
     }
-    return static_cast<double>(overlapping) / kPostures;
-  }
-
-  static bool touches(const UrdfLink& a, const UrdfLink& b, const Isometry3d& X_AB) {
-    for (const UrdfCollision& cb : b.collisions) {
-      for (const Vector3d& p : cb.solid.surface(0.03)) {
-        for (const UrdfCollision& ca : a.collisions) {
-          if (ca.solid.distance(X_AB * p) < 0) return true;
-        }
-      }
+    in_.support_centre_m = 0.5 * (low + high);
+    // Of the support function about the centre; many directions stand for the hull's edges.
+    in_.support_radius_m = 1e9;
+    for (int k = 0; k < 360; ++k) {
+      const double a = k * std::numbers::pi / 180;
+      double reach = -1e9;
+      for (const Eigen::Vector2d& p : contacts)
+        reach = std::max(reach,
+                         (p - in_.support_centre_m).dot(Eigen::Vector2d(std::cos(a), std::sin(a))));
+      in_.support_radius_m = std::min(in_.support_radius_m, reach);
     }
-    return false;
+    // The robot must stand on it stowed, or it is no support.
+    if (in_.support_radius_m <= 0.03) in_.support_radius_m = 0;
   }
 
   ImportOptions options_;
