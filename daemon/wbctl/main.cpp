@@ -12,6 +12,7 @@
 #include "core/config/config.hpp"
 #include "daemon/json.hpp"
 #include "daemon/replay.hpp"
+#include "daemon/robot/robot_commands.hpp"
 #include "daemon/service/client.hpp"
 #include "daemon/wbctl/progress.hpp"
 #include "daemon/wbctl/rt_test.hpp"
@@ -29,6 +30,8 @@ struct Arguments {
   double fraction = 0;
   std::string recording;
   double seconds = 10;  // of rt-test
+  RobotImportArguments robot_import;
+  RobotCheckArguments robot_check;
 };
 
 using SteadyClock = std::chrono::steady_clock;
@@ -227,8 +230,36 @@ int main(int argc, char** argv) {
       ->add_option("--seconds", arguments.seconds, "how long to measure")
       ->check(CLI::Range(0.1, 86400.0))
       ->capture_default_str();
+  CLI::App* robot = app.add_subcommand("robot", "import or check a robot; needs no daemon");
+  robot->require_subcommand(1);
+  wb::RobotImportArguments& imported = arguments.robot_import;
+  CLI::App* importing = robot->add_subcommand("import", "make a robot's folder of a URDF");
+  importing->add_option("file", imported.file, "the URDF")->required();
+  importing->add_option("--name", imported.name, "of the robot and its folder")->required();
+  importing->add_option("--into", imported.into, "where its folder goes")->capture_default_str();
+  importing->add_option("--base", imported.base, "instead of guessing it")
+      ->check(CLI::IsMember({"fixed", "differential_drive", "omnidirectional"}));
+  importing->add_option("--end-effector", imported.end_effector, "link, instead of guessing it");
+  importing->add_option("--package", imported.packages,
+                        "folder of package:// URIs; may be repeated");
+  importing->add_option("--samples", imported.samples, "postures tried")
+      ->check(CLI::Range(100, 10000000))
+      ->capture_default_str();
+  importing->add_option("--seed", imported.seed, "of the sampling")->capture_default_str();
+  importing->add_flag("--force", imported.force, "replace a folder that is there");
+  wb::RobotCheckArguments& check = arguments.robot_check;
+  CLI::App* checking = robot->add_subcommand("check", "prove that a robot can be controlled");
+  checking->add_option("name", check.name, "of the robot, or its folder")->required();
+  checking->add_option("--into", check.into, "where its folder is")->capture_default_str();
+  checking->add_option("--samples", check.samples, "of each sampled check")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  checking->add_option("--seed", check.seed, "of the sampling")->capture_default_str();
   try {
     app.parse(argc, argv);
+    imported.json = check.json = arguments.json;
+    if (importing->parsed()) return wb::robot_import_main(imported);
+    if (checking->parsed()) return wb::robot_check_main(check);
     return wb::run(app.get_subcommands().front()->get_name(), arguments);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : wb::kFailed;
