@@ -31,6 +31,7 @@ class Judge {
     rig.ports[0]->got = [this](const Frame& f) { got(f); };
     rig.ports[0]->sent = [this](const Frame& f) { sent(f); };
   }
+  ~Judge() { rig_.ports[0]->got = rig_.ports[0]->sent = nullptr; }
   void got(const Frame& f) {
     if (f.extended || f.remote || f.error || f.length != 8) return;
     if (f.id <= cob::kTpdo1 || f.id > cob::kTpdo1 + kDrives) return;
