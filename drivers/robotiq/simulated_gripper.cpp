@@ -18,6 +18,7 @@ namespace {
 constexpr int kSlave = 9;
 constexpr double kActivation_s = 0.05;  // the real one takes about two seconds
 constexpr int kPass_ms = 1;             // between movements of the fingers
+constexpr int kStart_requests = 5;      // go by before it answers after a loss of power
 
 // CRC-16/MODBUS, bit by bit.
 std::uint16_t checksum(const std::uint8_t* data, std::size_t n) {
@@ -148,6 +149,10 @@ void SimulatedGripper::serve() {
     }
     received_.erase(received_.begin(), received_.begin() + static_cast<long>(length));
     if (request[0] != kSlave) continue;
+    if (starting_ > 0) {
+      --starting_;
+      continue;
+    }
     ++requests_;
     Bytes reply = answer(request);
     if (silent_) continue;
@@ -202,6 +207,7 @@ void SimulatedGripper::move(double dt_s) {
   if (power_cycles_.exchange(false)) {
     written_ = {};
     fault_ = 0;
+    starting_ = kStart_requests;
   }
   const Order order = Order::decode(written_);
   if (!order.activate) {

@@ -38,7 +38,7 @@ class SimulatedGripper {
   // Faults.
   void unplug();
   void plug_in();
-  void power_cycle() { power_cycles_ = true; }  // loses its activation
+  void power_cycle() { power_cycles_ = true; }  // silent for a while, and without its activation
   void be_silent(bool on) { silent_ = on; }
   void spoil_answers(int count) { spoilt_ = count; }  // checksums of the next ones
   void fault(std::uint8_t code) { fault_ = code; }    // until the gripper is reset
@@ -70,6 +70,7 @@ class SimulatedGripper {
   // The thread's own.
   int master_ = -1;
   Bytes received_;
+  int starting_ = 0;
   double activating_s_ = 0;
   std::thread thread_;
 };

@@ -234,7 +234,7 @@ TEST_F(RobotiqTest, SilenceIsAnErrorUntilItAnswersAgain) {
   gripper_->be_silent(true);
   ASSERT_TRUE(wait_until([&] { return read_status() == WB_ERROR; }));
   EXPECT_EQ(write(0), WB_OK);  // the port goes on taking commands, and does not wait
-  EXPECT_GT(counter("time_outs"), 0u);
+  ASSERT_TRUE(wait_until([&] { return counter("time_outs") > 0; }));
   gripper_->be_silent(false);
   ASSERT_TRUE(wait_until([&] { return read_status() == WB_OK; }));
   EXPECT_EQ(gripper_->activations(), 1);
@@ -250,7 +250,7 @@ TEST_F(RobotiqTest, PluggedInAgainItGoesOnWithoutLettingGo) {
   }));
   gripper_->unplug();
   ASSERT_TRUE(wait_until([&] { return read_status() == WB_ERROR; }));
-  EXPECT_EQ(counter("port_losses"), 1u);
+  ASSERT_TRUE(wait_until([&] { return counter("port_losses") == 1; }));
   gripper_->plug_in();
   ASSERT_TRUE(wait_until([&] { return read_status() == WB_OK; }));
   EXPECT_EQ(gripper_->activations(), 1);
