@@ -61,9 +61,14 @@ inline Displacement between(const Posture& a, const Posture& b) {
 
 class SimulatedRun {
  public:
-  explicit SimulatedRun(const RunOptions& options = {}) : SimulatedRun(run_config(options)) {}
-  explicit SimulatedRun(const DaemonConfig& config)
-      : config_(config),
+  // A daemon's configuration as it stands.
+  struct Configured {
+    DaemonConfig config;
+  };
+  explicit SimulatedRun(const RunOptions& options = {})
+      : SimulatedRun(Configured{run_config(options)}) {}
+  explicit SimulatedRun(const Configured& configured)
+      : config_(configured.config),
         system_(config_,
                 [](wb_log_level level, const std::string& text) {
                   if (level >= WB_LOG_WARN) std::fprintf(stderr, "%s\n", text.c_str());
