@@ -101,7 +101,7 @@ void print_state(wb::System& system, wb::TimeNs now) {
                "%8.3f s %-10s base %6.2f %6.2f %6.2f v %5.2f %5.2f hand off by %.4f m %.3f rad; %s "
                "step %.3f cost %.3g -> %.3g;",
                wb::to_seconds(now), std::string(to_string(s.phase)).c_str(), s.base[0], s.base[1],
-               s.base[2], s.base_velocity[0], s.base_velocity[1], position, rotation,
+               s.base[2], s.base_velocity[0], s.base_velocity[2], position, rotation,
                std::string(to_string(report.status)).c_str(), report.step, report.cost_before,
                report.cost_after);
   const auto terms = system.problem().terms();

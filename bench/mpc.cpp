@@ -7,6 +7,8 @@
 #include "bench/mpc_parts/closed_loop.hpp"
 #include "bench/mpc_parts/derivative_check.hpp"
 #include "bench/mpc_parts/optimality_check.hpp"
+#include "bench/mpc_parts/ranking.hpp"
+#include "bench/mpc_parts/scaling.hpp"
 #include "bench/mpc_parts/timing.hpp"
 
 namespace {
@@ -29,7 +31,7 @@ void add_timing(std::vector<Figure>& figures) {
       figures.push_back({prefix + "_no_step", r.no_step_percent, "%", {}});
       figures.push_back({prefix + "_step_median", r.median_step, "", {}});
       median = std::max(median, r.median_ms);
-      if (grid == kGrid4s) tail = std::max(tail, r.tail_ratio);
+      if (grid.horizon_s > 1) tail = std::max(tail, r.tail_ratio);
       over = std::max(over, r.rate_over_limit_percent);
       work = std::max(work, r.work_over_bound);
       allocations = std::max(allocations, static_cast<double>(r.allocations));
@@ -43,14 +45,25 @@ void add_timing(std::vector<Figure>& figures) {
   figures.push_back({"policy_evaluation_us", policy_evaluation_us(), "us", 1.0});
 }
 
+void add_scaling(std::vector<Figure>& figures) {
+  using namespace wb::bench;
+  const std::vector<ScalingPoint> points = scaling();
+  for (const ScalingPoint& p : points)
+    figures.push_back(
+        {"solve_ms_" + p.over + "_" + std::to_string(p.count), p.median_ms, "ms", {}});
+  for (const char* over : {"nodes", "spheres"})
+    figures.push_back(
+        {std::string("linearity_") + over, linearity(points, over), "", 0.9, Better::kHigher});
+}
+
 // Over all robots of config/robots.
-void add_checks(std::vector<Figure>& figures) {
+void add_checks(std::vector<Figure>& figures, unsigned seed) {
   using namespace wb::bench;
   double derivatives = 0, kkt = 0;
   for (const std::string& robot : robot_names()) {
     const auto model = load_robot(robot);
     const auto problem = std::make_shared<const wb::OptimalControlProblem>(model);
-    Situations situations(problem, 1000);
+    Situations situations(problem, seed);
     int kinks = 0, entries = 0;
     for (const auto& term : problem->terms()) {
       const DerivativeCheck check = check_derivatives(*problem, *term, situations, 100);
@@ -63,7 +76,7 @@ void add_checks(std::vector<Figure>& figures) {
     const OptimalityCheck check =
         check_optimality(std::make_shared<const wb::OptimalControlProblem>(
                              model, std::vector<std::string>{"environment"}),
-                         100, 1000);
+                         100, seed);
     figures.push_back({"kkt_residual_" + robot, check.worst, "1/s", {}});
     figures.push_back({"kkt_iterations_" + robot, static_cast<double>(check.iterations), "", {}});
     kkt = std::max(kkt, check.worst);
@@ -78,16 +91,27 @@ int main(int argc, char** argv) {
   CLI::App app("MPC bench");
   std::string json;
   bool timing_only = false;
-  int calls = 1500;
+  int calls = 1500, scenes = 32;
+  unsigned seed = 1000;
   app.add_option("--json", json, "write the figures to this file");
   app.add_flag("--timing-only", timing_only, "cost of a solve only");
   app.add_option("--closed-loop-calls", calls, "length of the run whose cost is compared");
+  app.add_option("--scenes", scenes, "of the ranking");
+  app.add_option("--seed", seed, "of the random problems and scenes");
   CLI11_PARSE(app, argc, argv);
   using namespace wb::bench;
   std::vector<Figure> figures;
   add_timing(figures);
   if (!timing_only) {
-    add_checks(figures);
+    add_scaling(figures);
+    add_checks(figures, seed);
+    const RankingResult ranking = rank_options(scenes, seed);
+    figures.push_back({"options_32_s", ranking.options_32_s, "s", 1.5});
+    figures.push_back({"options_agreeing_of_32", 32.0 * ranking.agreeing / ranking.scenes, "", 30.0,
+                       Better::kHigher});
+    figures.push_back(
+        {"options_winners", static_cast<double>(ranking.winners), "", 2.0, Better::kHigher});
+    figures.push_back({"options_worst_regret", 100 * ranking.worst_regret, "%", {}});
     figures.push_back({"static_goal_error_mm", static_goal_error_mm(), "mm", 2.0});
     const double ours = closed_loop_cost(kGrid4s, calls, 1, 0.0);
     const double converged = closed_loop_cost(kGrid10ms, calls, 30, 1e-4);

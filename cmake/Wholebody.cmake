@@ -20,6 +20,17 @@ function(wb_library name)
   target_link_libraries(wb_${name} PUBLIC Eigen3::Eigen ${ARG_DEPENDS})
 endfunction()
 
+# wb_plugin(NAME SOURCES ... DEPENDS ...): driver plugin lib wb_driver_NAME. Nothing but the entry point leaves it: its copy
+# of core must not meet the host's.
+function(wb_plugin name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
+  add_library(wb_driver_${name} MODULE ${ARG_SOURCES})
+  target_link_libraries(wb_driver_${name} PRIVATE ${ARG_DEPENDS})
+  target_link_options(wb_driver_${name} PRIVATE -Wl,--exclude-libs,ALL -Wl,--no-undefined)
+  set_target_properties(wb_driver_${name} PROPERTIES CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON
+    LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/drivers)
+endfunction()
+
 # wb_test(NAME SOURCES ... DEPENDS ... LABELS ...): one GoogleTest program; ctest sees each of its tests.
 # Labels: `fast` unless `scenario`; `concurrency` runs under tsan.
 include(GoogleTest)

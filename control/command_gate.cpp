@@ -33,7 +33,8 @@ double braking_velocity(double distance, double acceleration, double dt_s) {
 
 }  // namespace
 
-CommandGate::CommandGate(std::shared_ptr<const RobotModel> model) : model_(std::move(model)) {}
+CommandGate::CommandGate(std::shared_ptr<const RobotModel> model)
+    : model_(std::move(model)), kinematics_(model_->config().base) {}
 
 void CommandGate::reset(const double* q) RT_SAFE {
   std::copy_n(q, model_->joints(), position_.begin());
@@ -62,6 +63,10 @@ void CommandGate::limit_joints(std::array<double, kMaxJoints>& velocity, double 
     const JointLimits& limits = model_->limits(i);
     const double before = position_[i];
     velocity_[i] += change * (velocity[i] - velocity_[i]);
+    if (limits.endless()) {
+      position_[i] = before + velocity_[i] * dt_s;
+      continue;
+    }
     // A set-point never leaves the range, and brakes in time before its end; one that starts
     // outside may only move inwards.
     const double low = std::min(limits.lower, before), high = std::max(limits.upper, before);
@@ -73,28 +78,29 @@ void CommandGate::limit_joints(std::array<double, kMaxJoints>& velocity, double 
   }
 }
 
-void CommandGate::limit_base(std::array<double, 2>& velocity, double dt_s, bool& scaled) RT_SAFE {
+void CommandGate::limit_base(const WheelKinematics::Twist& velocity, double dt_s,
+                             bool& scaled) RT_SAFE {
   const BaseConfig& base = model_->config().base;
-  const std::array<double, 2> speed = {base.velocity_max, base.yaw_rate_max};
-  const std::array<double, 2> acceleration = {base.acceleration_max, base.yaw_acceleration_max};
+  const std::array<double, 3> speed = {base.velocity_max, base.velocity_max, base.yaw_rate_max};
+  const std::array<double, 3> acceleration = {base.acceleration_max, base.acceleration_max,
+                                              base.yaw_acceleration_max};
   double factor = 1.0;  // one factor keeps the curvature of the path
-  for (int i = 0; i < 2; ++i) {
+  for (int i = 0; i < 3; ++i) {
     if (std::abs(velocity[i]) * factor > speed[i]) factor = speed[i] / std::abs(velocity[i]);
   }
   double change = 1.0;  // and so does one for both changes when the base starts and stops
-  for (int i = 0; i < 2; ++i) {
+  for (int i = 0; i < 3; ++i) {
     const double step = std::abs(factor * velocity[i] - base_velocity_[i]),
                  limit = acceleration[i] * dt_s;
     if (step * change > limit) change = limit / step;
   }
   scaled = scaled || factor < 1.0 || change < 1.0;
-  for (int i = 0; i < 2; ++i)
+  for (int i = 0; i < 3; ++i)
     base_velocity_[i] += change * (factor * velocity[i] - base_velocity_[i]);
 }
 
 SafeCommand CommandGate::step(const Command& request, TimeNs now, double dt_s, Mode mode) RT_SAFE {
-  const BaseConfig& base = model_->config().base;
-  const int wheels = base.kind == BaseKind::kDifferentialDrive ? 2 : 0;
+  const int wheels = kinematics_.wheels();
   SafeCommand out;
   if (mode == Mode::kIdle) {
     velocity_.fill(0.0);
@@ -108,19 +114,17 @@ SafeCommand CommandGate::step(const Command& request, TimeNs now, double dt_s, M
   const bool usable = right_size && finite(request);
 
   std::array<double, kMaxJoints> velocity{};
-  std::array<double, 2> base_velocity{};
+  WheelKinematics::Twist base_velocity{};
   bool reachable = usable;  // a number, but so large that its velocity is none, is refused too
   if (usable) {
     for (int i = 0; i < model_->joints(); ++i) {
       velocity[i] = (request.joints[i].position - position_[i]) / dt_s;
       reachable = reachable && std::isfinite(velocity[i]);
     }
-    if (wheels) {
-      const double left = request.wheels[0].velocity, right = request.wheels[1].velocity;
-      base_velocity = {0.5 * base.wheel_radius_m * (left + right),
-                       base.wheel_radius_m * (right - left) / base.track_m};
-      reachable = reachable && std::isfinite(base_velocity[0]) && std::isfinite(base_velocity[1]);
-    }
+    WheelKinematics::Wheels speeds{};
+    for (int i = 0; i < wheels; ++i) speeds[i] = request.wheels[i].velocity;
+    base_velocity = kinematics_.twist(speeds);
+    for (const double v : base_velocity) reachable = reachable && std::isfinite(v);
   }
 
   GateReason reason = GateReason::kNone;
@@ -164,11 +168,10 @@ SafeCommand CommandGate::step(const Command& request, TimeNs now, double dt_s, M
     j.stiffness = std::max(0.0, j.stiffness);
     j.damping = std::max(0.0, j.damping);
   }
+  const WheelKinematics::Wheels speeds = kinematics_.wheel_speeds(base_velocity_);
   for (int i = 0; i < wheels; ++i) {
-    const double side = i == 0 ? -0.5 : 0.5;
     c.wheels[i].kind = CommandKind::kVelocity;
-    c.wheels[i].velocity =
-        (base_velocity_[0] + side * base.track_m * base_velocity_[1]) / base.wheel_radius_m;
+    c.wheels[i].velocity = speeds[i];
   }
   if (usable) last_grip_ = request.gripper;
   c.gripper.opening_m =

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "core/model/robot_model.hpp"
+#include "core/model/wheel_kinematics.hpp"
 #include "core/rt/rt_safe.hpp"
 #include "core/types/command.hpp"
 #include "core/types/mode.hpp"
@@ -33,12 +34,13 @@ class CommandGate {
  private:
   void limit_joints(std::array<double, kMaxJoints>& velocity, double dt_s, bool& scaled,
                     bool& clipped) RT_SAFE;
-  void limit_base(std::array<double, 2>& velocity, double dt_s, bool& scaled) RT_SAFE;
+  void limit_base(const WheelKinematics::Twist& velocity, double dt_s, bool& scaled) RT_SAFE;
 
   std::shared_ptr<const RobotModel> model_;
   std::array<double, kMaxJoints> position_{};
   std::array<double, kMaxJoints> velocity_{};
-  std::array<double, 2> base_velocity_{};  // v [m/s], w [rad/s]
+  WheelKinematics kinematics_;
+  WheelKinematics::Twist base_velocity_{};
   std::array<JointCommand, kMaxJoints>
       last_good_{};  // of the last request that was made of numbers
   GripperCommand last_grip_{};

@@ -68,6 +68,10 @@ void Controller::handle(const Request& r, const Readings& readings, ControlOutpu
     case RequestKind::kMoveBase:
       if (task_running) return refuse("busy");
       if (mode_ != Mode::kReady) return refuse("not ready: reset first");
+      if (r.kind == RequestKind::kMoveBase && model_->base_dof() == 0)
+        return refuse("the base is fixed");
+      if (r.kind == RequestKind::kOpen && model_->config().fingers.empty())
+        return refuse("no gripper");
       if (r.kind == RequestKind::kMoveJoints) {
         if (r.joint_count != model_->joints()) return refuse("wrong number of joints");
         for (int i = 0; i < model_->joints(); ++i) {

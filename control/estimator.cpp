@@ -20,10 +20,16 @@ bool usable(const JointReading& r) {
 }  // namespace
 
 Estimator::Estimator(std::shared_ptr<const RobotModel> model, const config::Section& section)
-    : model_(std::move(model)),
-      bias_time_constant_s_(section.number("gyro_bias_time_constant_s", config::kPositive)),
-      still_wheel_speed_radps_(section.number("still_wheel_speed_radps", config::kPositive)),
-      still_time_s_(section.number("still_time_s", config::kPositive)) {
+    : model_(std::move(model)), kinematics_(model_->config().base) {
+  if (kinematics_.wheels() > 0) {
+    bias_time_constant_s_ = section.number("gyro_bias_time_constant_s", config::kPositive);
+    still_wheel_speed_radps_ = section.number("still_wheel_speed_radps", config::kPositive);
+    still_time_s_ = section.number("still_time_s", config::kPositive);
+  }
+  if (!section.has("wrench_link")) {
+    section.finish();
+    return;
+  }
   const int sensor = model_->frame(section.text("wrench_link"));
   section.finish();
   hand_mass_kg_ = model_->mass_beyond(sensor, hand_com_E_);
@@ -34,8 +40,37 @@ Estimator::Estimator(std::shared_ptr<const RobotModel> model, const config::Sect
                 hand_com_E_;
 }
 
+void Estimator::step_base(const Readings& r, double dt, bool imu, RobotState& s) RT_SAFE {
+  const int wheels = kinematics_.wheels();
+  WheelKinematics::Wheels angle{}, moved{}, speed{};
+  bool still = true;
+  for (int i = 0; i < wheels; ++i) {
+    if (!usable(r.wheels[i])) return;
+    angle[i] = r.wheels[i].position;
+    moved[i] = wheels_started_ ? angle[i] - last_wheel_[i] : 0.0;
+    speed[i] = r.wheels[i].velocity;
+    still = still && std::abs(speed[i]) < still_wheel_speed_radps_;
+  }
+  if (wheels == 0) return;
+  wheels_started_ = true;
+  last_wheel_ = angle;
+  still_for_s_ = still ? still_for_s_ + dt : 0.0;
+  const WheelKinematics::Twist way = kinematics_.twist(moved);
+  double dyaw = way[2];
+  s.base_velocity = kinematics_.twist(speed);
+  if (imu) {
+    if (still_for_s_ > still_time_s_)
+      gyro_bias_ += dt / bias_time_constant_s_ * (r.gyro[2] - gyro_bias_);
+    dyaw = (r.gyro[2] - gyro_bias_) * dt;
+    s.base_velocity[2] = r.gyro[2] - gyro_bias_;
+  }
+  const double heading = s.base[2] + 0.5 * dyaw;  // midpoint rule
+  s.base[0] += way[0] * std::cos(heading) - way[1] * std::sin(heading);
+  s.base[1] += way[0] * std::sin(heading) + way[1] * std::cos(heading);
+  s.base[2] += dyaw;
+}
+
 void Estimator::step(const Readings& r, RobotState& s) RT_SAFE {
-  const BaseConfig& base = model_->config().base;
   const double dt = started_ ? to_seconds(r.t_ns - last_t_) : 0.0;
   s.t_ns = r.t_ns;
   s.joint_count = r.joint_count;
@@ -47,32 +82,7 @@ void Estimator::step(const Readings& r, RobotState& s) RT_SAFE {
   }
 
   const bool imu = r.imu_valid && finite(r.gyro) && finite(r.acceleration);
-  if (base.kind == BaseKind::kDifferentialDrive && usable(r.wheels[0]) && usable(r.wheels[1])) {
-    const double left = r.wheels[0].position, right = r.wheels[1].position;
-    if (!wheels_started_) last_wheel_ = {left, right};
-    wheels_started_ = true;
-    const double ds = 0.5 * base.wheel_radius_m * (left - last_wheel_[0] + right - last_wheel_[1]);
-    const double wheel_dyaw =
-        base.wheel_radius_m * (right - last_wheel_[1] - left + last_wheel_[0]) / base.track_m;
-    last_wheel_ = {left, right};
-    const bool still = std::abs(r.wheels[0].velocity) < still_wheel_speed_radps_ &&
-                       std::abs(r.wheels[1].velocity) < still_wheel_speed_radps_;
-    still_for_s_ = still ? still_for_s_ + dt : 0.0;
-    double dyaw = wheel_dyaw;
-    if (imu) {
-      if (still_for_s_ > still_time_s_)
-        gyro_bias_ += dt / bias_time_constant_s_ * (r.gyro[2] - gyro_bias_);
-      dyaw = (r.gyro[2] - gyro_bias_) * dt;
-    }
-    const double heading = s.base[2] + 0.5 * dyaw;  // midpoint rule
-    s.base[0] += ds * std::cos(heading);
-    s.base[1] += ds * std::sin(heading);
-    s.base[2] += dyaw;
-    s.base_velocity[0] = 0.5 * base.wheel_radius_m * (r.wheels[0].velocity + r.wheels[1].velocity);
-    s.base_velocity[1] =
-        imu ? r.gyro[2] - gyro_bias_
-            : base.wheel_radius_m * (r.wheels[1].velocity - r.wheels[0].velocity) / base.track_m;
-  }
+  step_base(r, dt, imu, s);
   if (imu) {
     s.gyro = r.gyro;
     s.acceleration = r.acceleration;

@@ -30,9 +30,11 @@ TaskSequencer::TaskSequencer(std::shared_ptr<const RobotModel> model,
   grasp_speed_mps_ = section.number("grasp_speed_mps", kPositive);
   retreat_distance_m_ = section.number("retreat_distance_m", kPositive);
   retreat_speed_mps_ = section.number("retreat_speed_mps", kPositive);
-  reach_distance_m_ = section.number("reach_distance_m", kPositive);
-  base_tolerance_m_ = section.number("base_tolerance_m", kPositive);
-  base_tolerance_rad_ = section.number("base_tolerance_rad", kPositive);
+  if (model_->base_dof() > 0) {
+    reach_distance_m_ = section.number("reach_distance_m", kPositive);
+    base_tolerance_m_ = section.number("base_tolerance_m", kPositive);
+    base_tolerance_rad_ = section.number("base_tolerance_rad", kPositive);
+  }
   hand_tolerance_m_ = section.number("hand_tolerance_m", kPositive);
   hand_tolerance_rad_ = section.number("hand_tolerance_rad", kPositive);
   move_tolerance_m_ = section.number("move_tolerance_m", kPositive);
@@ -54,6 +56,25 @@ TaskSequencer::TaskSequencer(std::shared_ptr<const RobotModel> model,
   RobotModel::Data data;
   model_->forward_kinematics(x.data(), data);
   X_BE_ready_ = model_->X_WF(model_->end_effector(), data);
+  if (model_->base_dof() == 0) measure_reach();
+}
+
+// From joint to joint to the hand: no arm is longer than the sum of its parts, so "too far" is
+// never said of what can be reached.
+void TaskSequencer::measure_reach() {
+  const StateVector x = StateVector::Zero(model_->nx());
+  RobotModel::Data data;
+  model_->forward_kinematics(x.data(), data);
+  p_BR_ = data.X_WL[1].translation();
+  Eigen::Vector3d last = p_BR_;
+  for (int i = 1; i <= model_->joints(); ++i) {
+    const JointLimits& l = model_->limits(i - 1);
+    const Eigen::Vector3d here = data.X_WL[i].translation();
+    arm_reach_m_ += (here - last).norm();
+    if (model_->prismatic(i)) arm_reach_m_ += std::max(std::abs(l.lower), std::abs(l.upper));
+    last = here;
+  }
+  arm_reach_m_ += (model_->X_WF(model_->end_effector(), data).translation() - last).norm();
 }
 
 void TaskSequencer::start(const Request& request, const RobotState& state) RT_SAFE {
@@ -158,6 +179,20 @@ std::array<double, 3> TaskSequencer::base_goal() const RT_SAFE {
   return {p.x(), p.y(), yaw};
 }
 
+double TaskSequencer::opened_target() const RT_SAFE {
+  const double fraction =
+      request_.opened_fraction > 0 ? request_.opened_fraction : default_fraction_;
+  return std::min(fraction * plan_.articulation.range,
+                  plan_.keyframe_value[plan_.keyframe_count - 1]);
+}
+
+bool TaskSequencer::within_reach() const RT_SAFE {
+  const auto reachable = [&](const Eigen::Isometry3d& X_WE) {
+    return (X_WE.translation() - p_BR_).norm() < arm_reach_m_;  // W is B
+  };
+  return reachable(hand_pose(-grasp_depth_m_)) && reachable(keyframe_pose(opened_target()));
+}
+
 void TaskSequencer::hold_pose(const Pose& X_WE, TimeNs t, Reference& ref) const RT_SAFE {
   ref.ee[0].count = 1;
   ref.ee[0].keyframes[0] = {t, X_WE};
@@ -172,10 +207,14 @@ void TaskSequencer::line(const Eigen::Isometry3d& from, const Eigen::Isometry3d&
                Pose::from(to)};
 }
 
-void TaskSequencer::set_posture(const std::vector<double>& q, double scale,
+double TaskSequencer::unwound(int joint, double wanted, double q) const RT_SAFE {
+  return model_->limits(joint).endless() ? q + wrap(wanted - q) : wanted;
+}
+
+void TaskSequencer::set_posture(const std::vector<double>& q, double scale, const RobotState& s,
                                 Reference& ref) const RT_SAFE {
   ref.joint_count = model_->joints();
-  std::copy(q.begin(), q.end(), ref.posture.begin());
+  for (int i = 0; i < ref.joint_count; ++i) ref.posture[i] = unwound(i, q[i], s.q_command[i]);
   ref.posture_scale = scale;
 }
 
@@ -200,8 +239,12 @@ void TaskSequencer::set_masks(double joint_value, Reference& ref) const RT_SAFE 
 void TaskSequencer::approach(const TaskInput& in, Reference& ref) RT_SAFE {
   const RobotConfig& robot = model_->config();
   if (!adopt_plan(in)) {
-    set_posture(robot.stowed, 1.0, ref);
+    set_posture(robot.stowed, 1.0, *in.state, ref);
     return;
+  }
+  if (model_->base_dof() == 0) {
+    set_posture(robot.ready, 1.0, *in.state, ref);
+    return within_reach() ? enter(Phase::kPreGrasp, in) : fail(Why::kOutOfReach, in);
   }
   const std::array<double, 3> goal = base_goal();
   const RobotState& s = *in.state;
@@ -212,7 +255,7 @@ void TaskSequencer::approach(const TaskInput& in, Reference& ref) RT_SAFE {
   // The arm unfolds on the last stretch, when the robot already faces the object: no time is lost,
   // and nothing sticks out in turns.
   const bool unfold = distance < reach_distance_m_ && turn < 0.6;
-  set_posture(unfold ? robot.ready : robot.stowed, 1.0, ref);
+  set_posture(unfold ? robot.ready : robot.stowed, 1.0, s, ref);
   if (distance < base_tolerance_m_ && turn < base_tolerance_rad_) enter(Phase::kPreGrasp, in);
 }
 
@@ -222,7 +265,7 @@ void TaskSequencer::pre_grasp(const TaskInput& in, Reference& ref) RT_SAFE {
   out_.joint_value = plan_.articulation.value;
   const Eigen::Isometry3d target = hand_pose(pre_grasp_standoff_m_);
   hold_pose(Pose::from(target), in.t_ns, ref);
-  set_posture(model_->config().ready, 0.1, ref);
+  set_posture(model_->config().ready, 0.1, *in.state, ref);
   set_masks(plan_.articulation.value, ref);
   const bool there = plan_.measured &&
                      (X_WE_.translation() - target.translation()).norm() < hand_tolerance_m_ &&
@@ -240,7 +283,7 @@ void TaskSequencer::grasp(const TaskInput& in, Reference& ref) RT_SAFE {
   const RobotState& s = *in.state;
   const Eigen::Isometry3d target = hand_pose(regrasp_offset_m_ - grasp_depth_m_);
   line(line_from_, target, phase_start_, grasp_speed_mps_, ref);
-  set_posture(model_->config().ready, 0.1, ref);
+  set_posture(model_->config().ready, 0.1, *in.state, ref);
   set_masks(plan_.articulation.value, ref);
   if (!closing_) {
     const TimeNs arrival = ref.ee[0].keyframes[1].t_ns;
@@ -272,10 +315,7 @@ void TaskSequencer::grasp(const TaskInput& in, Reference& ref) RT_SAFE {
   held_ = true;
   X_KE_ = keyframe_pose(plan_.keyframe_value[0]).inverse() * X_WE_;
   value_ref_ = value_best_ = plan_.keyframe_value[0];
-  const double fraction =
-      request_.opened_fraction > 0 ? request_.opened_fraction : default_fraction_;
-  target_ =
-      std::min(fraction * plan_.articulation.range, plan_.keyframe_value[plan_.keyframe_count - 1]);
+  target_ = opened_target();
   progress_t_ = in.t_ns;
   enter(Phase::kManipulate, in);
 }
@@ -308,7 +348,7 @@ void TaskSequencer::manipulate(const TaskInput& in, Reference& ref) RT_SAFE {
     ref.ee[0].keyframes[i] = {in.t_ns + from_seconds(ahead_s),
                  Pose::from(Eigen::Isometry3d(keyframe_pose(v) * X_KE_))};
   }
-  set_posture(model_->config().ready, 0.1, ref);
+  set_posture(model_->config().ready, 0.1, *in.state, ref);
   set_masks(value, ref);
   const Eigen::Isometry3d X_a = keyframe_pose(value), X_b = keyframe_pose(value + 0.01);
   Eigen::Vector3d direction = (X_b * X_KE_).translation() - (X_a * X_KE_).translation();
@@ -337,7 +377,7 @@ void TaskSequencer::release(const TaskInput& in, Reference& ref) RT_SAFE {
   held_ = false;
   out_.gripper = {model_->config().gripper_opening_max_m, grip_force_n_};
   hold_pose(Pose::from(line_from_), in.t_ns, ref);
-  set_posture(model_->config().ready, 0.1, ref);
+  set_posture(model_->config().ready, 0.1, *in.state, ref);
   set_masks(out_.joint_value, ref);
   if (in.state->gripper_opening_m > 0.8 * model_->config().gripper_opening_max_m)
     enter(Phase::kRetreat, in);
@@ -347,7 +387,7 @@ void TaskSequencer::retreat(const TaskInput& in, Reference& ref) RT_SAFE {
   Eigen::Isometry3d target = line_from_;
   target.translation() -= retreat_distance_m_ * line_from_.linear().col(2);
   line(line_from_, target, phase_start_, retreat_speed_mps_, ref);
-  set_posture(model_->config().ready, 0.1, ref);
+  set_posture(model_->config().ready, 0.1, *in.state, ref);
   set_masks(out_.joint_value, ref);
   if ((X_WE_.translation() - target.translation()).norm() > 2 * hand_tolerance_m_) return;
   if (regrasp_after_retreat_) {
@@ -365,17 +405,20 @@ void TaskSequencer::move(const TaskInput& in, Reference& ref) RT_SAFE {
   bool there = true;
   if (request_.kind == RequestKind::kMoveJoints) {
     ref.joint_count = model_->joints();
-    ref.posture = request_.q;
     ref.posture_scale = 300.0;  // the only objective of this task
-    for (int i = 0; i < model_->joints(); ++i)
-      there = there && std::abs(s.q[i] - request_.q[i]) < move_tolerance_rad_;
-    ref.base_count = 1;
-    ref.base[0] = {in.t_ns, request_.base};
-    ref.base_scale = 0.1;
+    for (int i = 0; i < model_->joints(); ++i) {
+      ref.posture[i] = unwound(i, request_.q[i], s.q_command[i]);
+      there = there && std::abs(s.q[i] - unwound(i, request_.q[i], s.q[i])) < move_tolerance_rad_;
+    }
+    if (model_->base_dof() > 0) {
+      ref.base_count = 1;
+      ref.base[0] = {in.t_ns, request_.base};
+      ref.base_scale = 0.1;
+    }
   } else {
     ref.base_goal_active = true;
     ref.base_goal = request_.base;
-    set_posture(model_->config().stowed, 1.0, ref);
+    set_posture(model_->config().stowed, 1.0, s, ref);
     there = std::hypot(request_.base[0] - s.base[0], request_.base[1] - s.base[1]) <
                 move_tolerance_m_ &&
             std::abs(wrap(request_.base[2] - s.base[2])) < move_tolerance_rad_;
@@ -471,6 +514,9 @@ TaskOutput TaskSequencer::step(const TaskInput& in, Reference& ref) RT_SAFE {
         break;
       case Why::kNoProgress:
         out_.failure = "object does not move";
+        break;
+      case Why::kOutOfReach:
+        out_.failure = "out of reach";
         break;
     }
     phase_ = Phase::kNone;

@@ -56,6 +56,7 @@ class TaskSequencer {
     kMissed,
     kSlipped,
     kNoProgress,
+    kOutOfReach,
   };
   struct Limits {
     double approach_s, pre_grasp_s, grasp_s, manipulate_s, release_s, retreat_s;
@@ -81,23 +82,31 @@ class TaskSequencer {
   double project(
       const Eigen::Isometry3d& X_WE) const RT_SAFE;  // joint value that the hand's pose shows
   std::array<double, 3> base_goal() const RT_SAFE;
+  bool within_reach() const RT_SAFE;  // a fixed robot's: the whole way of the hand, as far as known
+  double opened_target() const RT_SAFE;
   void hold_pose(const Pose& X_WE, TimeNs t, Reference& ref) const RT_SAFE;
   void line(const Eigen::Isometry3d& from, const Eigen::Isometry3d& to, TimeNs start,
             double speed_mps, Reference& ref) const RT_SAFE;
-  void set_posture(const std::vector<double>& q, double scale, Reference& ref) const RT_SAFE;
+  // The whole turn of a continuous joint that is nearest to `q`.
+  double unwound(int joint, double wanted, double q) const RT_SAFE;
+  void measure_reach();
+  void set_posture(const std::vector<double>& q, double scale, const RobotState& s,
+                   Reference& ref) const RT_SAFE;
   void set_masks(double joint_value, Reference& ref) const RT_SAFE;
 
   std::shared_ptr<const RobotModel> model_;
   Limits limits_;
   double pre_grasp_standoff_m_, grasp_depth_m_, regrasp_step_m_, probe_distance_m_, probe_held_n_,
       grasp_tolerance_m_, grasp_speed_mps_, retreat_distance_m_, retreat_speed_mps_;
-  double reach_distance_m_, base_tolerance_m_, base_tolerance_rad_, hand_tolerance_m_,
-      hand_tolerance_rad_;
+  double reach_distance_m_ = 0, base_tolerance_m_ = 0, base_tolerance_rad_ = 0;  // if it drives
+  double hand_tolerance_m_, hand_tolerance_rad_;
   double move_tolerance_m_, move_tolerance_rad_;
   double grip_force_n_, grip_settle_s_, closed_margin_m_, slip_m_;
   double prismatic_speed_mps_, revolute_speed_radps_, lag_max_m_, lag_max_rad_, default_fraction_,
       progress_timeout_s_;
   Eigen::Isometry3d X_BE_ready_;
+  Eigen::Vector3d p_BR_{0, 0, 0};  // where a fixed robot's arm begins ...
+  double arm_reach_m_ = 0;         // ... and how far its hand gets from there
 
   Phase phase_ = Phase::kNone;
   Request request_;

@@ -8,15 +8,19 @@ namespace wb {
 WholeBodyController::WholeBodyController(std::shared_ptr<const RobotModel> model,
                                          const config::Section& section)
     : model_(std::move(model)),
+      kinematics_(model_->config().base),
       stiffness_(section.numbers("stiffness_nmprad", model_->joints(), config::kNonNegative)),
       damping_(section.numbers("damping_nmsprad", model_->joints(), config::kNonNegative)) {
-  const config::Section a = section.section("admittance");
-  translation_damping_ = a.number("translation_damping_nspm", config::kPositive);
-  rotation_damping_ = a.number("rotation_damping_nmsprad", config::kPositive);
-  translation_max_ = a.number("translation_max_mps", config::kPositive);
-  rotation_max_ = a.number("rotation_max_radps", config::kPositive);
-  least_singular_ = a.number("least_singular_value", config::kPositive);
-  a.finish();
+  admits_ = section.has("admittance");
+  if (admits_) {
+    const config::Section a = section.section("admittance");
+    translation_damping_ = a.number("translation_damping_nspm", config::kPositive);
+    rotation_damping_ = a.number("rotation_damping_nmsprad", config::kPositive);
+    translation_max_ = a.number("translation_max_mps", config::kPositive);
+    rotation_max_ = a.number("rotation_max_radps", config::kPositive);
+    least_singular_ = a.number("least_singular_value", config::kPositive);
+    a.finish();
+  }
   section.finish();
 }
 
@@ -51,8 +55,8 @@ void WholeBodyController::add_admittance(const WholeBodyInput& in, JointVector& 
 
 void WholeBodyController::step(const WholeBodyInput& in, Command& out) RT_SAFE {
   const RobotState& s = *in.state;
-  const BaseConfig& base = model_->config().base;
-  const int n = model_->joints(), base_dof = model_->base_dof(), base_inputs = model_->nu() - n;
+  const int n = model_->joints(), base_dof = model_->base_dof(),
+            base_inputs = model_->base_inputs();
   std::array<double, kMaxInputs> u{};
   if (in.policy && in.policy->states == model_->nx() && in.policy->inputs == model_->nu()) {
     std::array<double, kMaxStates> x{}, x_ref{};
@@ -62,13 +66,13 @@ void WholeBodyController::step(const WholeBodyInput& in, Command& out) RT_SAFE {
   }
   JointVector dq(n);
   for (int i = 0; i < n; ++i) dq[i] = u[base_inputs + i];
-  if (in.held) add_admittance(in, dq);
+  if (in.held && admits_) add_admittance(in, dq);
 
   JointVector gravity(n);
   model_->gravity(s.q.data(), gravity);
   out.t_ns = s.t_ns;
   out.joint_count = n;
-  out.wheel_count = base_inputs;
+  out.wheel_count = kinematics_.wheels();
   for (int i = 0; i < n; ++i) {
     JointCommand& j = out.joints[i];
     j.kind = CommandKind::kImpedance;
@@ -78,12 +82,13 @@ void WholeBodyController::step(const WholeBodyInput& in, Command& out) RT_SAFE {
     j.stiffness = stiffness_[i];
     j.damping = damping_[i];
   }
-  if (base_inputs == 2) {
-    for (int i = 0; i < 2; ++i) {
-      const double side = i == 0 ? -0.5 : 0.5;
-      out.wheels[i].kind = CommandKind::kVelocity;
-      out.wheels[i].velocity = (u[0] + side * base.track_m * u[1]) / base.wheel_radius_m;
-    }
+  // u's base part is (v, w) or (vx, vy, w); without wheels the twist is not looked at.
+  const WheelKinematics::Wheels speeds =
+      kinematics_.wheel_speeds(base_inputs == 3 ? WheelKinematics::Twist{u[0], u[1], u[2]}
+                                                : WheelKinematics::Twist{u[0], 0.0, u[1]});
+  for (int i = 0; i < out.wheel_count; ++i) {
+    out.wheels[i].kind = CommandKind::kVelocity;
+    out.wheels[i].velocity = speeds[i];
   }
   out.gripper = in.gripper;
 }

@@ -1,13 +1,15 @@
 // Turns the MPC's policy into servo set-points. Control loop, step world. Arm: integrates the
 // policy's joint velocities onto the set-points, adds gravity torque; while an object is held, an
 // admittance yields to wrenches across the path so that errors of the estimated joint axis do not
-// build up force. Base: wheel velocities. Frames: W, B, E. SI. Source: Mittal et al. 2022, Sec. IV
-// (policy evaluation); Siciliano et al. 2009, Sec. 9.2 (admittance).
+// build up force (no section `admittance`: none). Base: wheel velocities. Frames: W, B, E. SI.
+// Source: Mittal et al. 2022, Sec. IV (policy evaluation); Siciliano et al. 2009, Sec. 9.2
+// (admittance).
 #pragma once
 #include <memory>
 
 #include "core/config/config.hpp"
 #include "core/model/robot_model.hpp"
+#include "core/model/wheel_kinematics.hpp"
 #include "core/rt/rt_safe.hpp"
 #include "core/types/command.hpp"
 #include "core/types/policy.hpp"
@@ -34,10 +36,12 @@ class WholeBodyController {
   void add_admittance(const WholeBodyInput& in, JointVector& dq) RT_SAFE;
 
   std::shared_ptr<const RobotModel> model_;
+  WheelKinematics kinematics_;
   std::vector<double> stiffness_, damping_;
-  double translation_damping_, rotation_damping_;  // Ns/m, Nms/rad
-  double translation_max_, rotation_max_;          // m/s, rad/s
-  double least_singular_;                          // damping of the pseudo-inverse
+  bool admits_ = false;                                    // has a wrist sensor to yield by
+  double translation_damping_ = 0, rotation_damping_ = 0;  // Ns/m, Nms/rad
+  double translation_max_ = 0, rotation_max_ = 0;          // m/s, rad/s
+  double least_singular_ = 0;                              // damping of the pseudo-inverse
 };
 
 }  // namespace wb

@@ -32,6 +32,12 @@ DaemonConfig DaemonConfig::from(const config::Section& root, const std::filesyst
     spec.library = plugin.has_parent_path() ? folder / plugin : plugin_folder / plugin;
     spec.folder = folder;
     spec.config = d.block("config");
+    if (d.has("command")) {
+      const std::string kind = d.one_of("command", {"impedance", "position", "torque"});
+      spec.command = kind == "impedance"  ? WB_CMD_IMPEDANCE
+                     : kind == "position" ? WB_CMD_POSITION
+                                          : WB_CMD_TORQUE;
+    }
     d.finish();
     out.drivers.push_back(std::move(spec));
   }

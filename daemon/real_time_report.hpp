@@ -2,12 +2,10 @@
 // steal time beside them, since lateness under steal says nothing about the program. Setup world.
 #pragma once
 #include <cstdio>
-#include <fstream>
-#include <sstream>
-#include <string>
 
 #include "core/rt/executor.hpp"
 #include "daemon/service/service_snapshot.hpp"
+#include "daemon/steal.hpp"
 
 namespace wb {
 
@@ -45,14 +43,6 @@ class RealTimeReport {
   }
 
  private:
-  static long steal_ticks() {
-    std::ifstream in("/proc/stat");
-    std::string cpu;
-    long value = 0;
-    in >> cpu;
-    for (int i = 0; i < 8; ++i) in >> value;  // user nice system idle iowait irq softirq steal
-    return value;
-  }
   long steal_;
 };
 

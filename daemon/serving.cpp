@@ -8,6 +8,12 @@ Serving::Serving(System& system, bool truth, std::function<TimeNs()> clock,
   if (truth && !system.truth()) {
     throw config::ConfigError("--truth needs a simulated plant and interpreter: oracle");
   }
+  driver_counts_.resize(system.host().counter_names().size());
+  if (driver_counts_.size() > ServiceSnapshot::kMaxDriverCounters) {
+    throw config::ConfigError("the drivers have " + std::to_string(driver_counts_.size()) +
+                              " counters, the status shows at most " +
+                              std::to_string(ServiceSnapshot::kMaxDriverCounters));
+  }
   ServiceOptions options;
   options.domain = domain_from_environment();
   const RobotModel& model = system.model();
@@ -34,9 +40,17 @@ const ServiceSnapshot* Serving::newest() {
   if (!s) return nullptr;
   shown_ = *s;
   show_plan();
+  show_driver_counters();
   add_loops_(shown_);
   if (truth_) system_.truth()->show(shown_);
   return &shown_;
+}
+
+void Serving::show_driver_counters() {
+  const DriverHost& host = system_.host();
+  host.read_counters(driver_counts_.data());
+  for (std::size_t i = 0; i < driver_counts_.size(); ++i)
+    shown_.counters[shown_.counter_count++] = {Name(host.counter_names()[i]), driver_counts_[i]};
 }
 
 void Serving::show_plan() {

@@ -52,7 +52,7 @@ std::set<std::string> System::object_names() const {
 }
 
 void System::advance(TimeNs t) {
-  host_.advance(t);
+  if (host_.can_step()) host_.advance(t);
   if (truth_) truth_->sample(t);
 }
 

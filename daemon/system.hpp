@@ -25,8 +25,10 @@ class System {
 
   // control, mpc, frames, mapping, perception: the order in Lockstep at equal times.
   std::vector<Loop> loops();
-  void advance(TimeNs t);                                         // steppable drivers, Lockstep
-  void advance_in_control(bool on) { advance_in_control_ = on; }  // steppable drivers, RealTime
+  // Steppable drivers, and the look at the simulator's truth: called by Lockstep, or, in real time, by
+  // the control loop before it reads.
+  void advance(TimeNs t);
+  void advance_in_control() { advance_in_control_ = true; }
 
   // Hands a checked request to control (and perception); one thread. False: the queue is full.
   bool submit(Request request);

@@ -111,7 +111,7 @@ void run_real_time(const Daemon& daemon) {
   }
   // A simulated plant needs somebody to advance it: the control loop does, before it reads.
   const bool simulated = system.host().can_step();
-  system.advance_in_control(simulated);
+  system.advance_in_control();
   wb::RealTime executor(simulated ? wb::RealTime::monotonic() : 0);
   for (wb::Loop& loop : system.loops()) executor.add(std::move(loop));
   wb::Serving serving(

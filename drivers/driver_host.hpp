@@ -1,8 +1,8 @@
-// Loads driver plugins, maps their joints and sensors to the robot's order, and runs their life
-// cycle. Constructor, activate, deactivate: setup world. read, write, advance: ports, control
-// thread. next_frame: one other thread.
+// Loads driver plugins, maps their joints and sensors to the robot's order, adapts the controller's
+// commands to what each joint supports, and runs the plugins' life cycle. Constructor, activate,
+// deactivate: setup world. read, write, advance: ports, control thread. next_frame: one other
+// thread. read_counters: any thread.
 #pragma once
-#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
@@ -13,28 +13,24 @@
 #include "core/types/command.hpp"
 #include "core/types/depth_frame.hpp"
 #include "core/types/readings.hpp"
-#include "drivers/driver.h"
+#include "drivers/command_adapter.hpp"
+#include "drivers/plugin.hpp"
 
 namespace wb {
-
-struct PluginSpec {
-  std::filesystem::path library;
-  std::string config;            // text of its YAML section
-  std::filesystem::path folder;  // what file names in it are relative to
-};
 
 class DriverHost {
  public:
   using Log = std::function<void(wb_log_level, const std::string&)>;
 
-  // Loads and configures; the drives stay inactive. Throws std::runtime_error naming plugin and
-  // cause (another ABI number, a joint of the robot that no plugin drives or two do, a failed
-  // create).
+  // Loads and configures; the drives stay inactive. Throws std::runtime_error or
+  // config::ConfigError naming plugin and cause: what Plugin and CommandAdapter refuse; a joint of
+  // the robot that no plugin drives or two do; two plugins with an IMU (wrench, gripper, emergency
+  // stop); a camera of another size than in robot.yaml.
   DriverHost(const RobotConfig& robot, const std::vector<PluginSpec>& plugins, Log log);
   ~DriverHost();
 
-  // All plugins active, or none and false. Joints hold, wheels brake when commands cease for
-  // command_timeout_ns.
+  // All plugins active, or none, false and a driver fault in the next reading. Joints hold, wheels
+  // brake when commands cease for command_timeout_ns.
   bool activate(TimeNs command_timeout_ns);
   void deactivate();
   bool active() const { return active_; }
@@ -51,27 +47,36 @@ class DriverHost {
   // First plugin that answers to the extension's name, or null.
   const void* extension(const char* name, wb_driver** driver) const;
 
+  // "<plugin>.<counter>" of every plugin; read_counters fills as many values.
+  const std::vector<std::string>& counter_names() const { return counter_names_; }
+  void read_counters(std::uint64_t* values) const;
+
  private:
-  struct Plugin {
-    void* library = nullptr;
-    const wb_driver_api* api = nullptr;
-    wb_driver* driver = nullptr;
-    wb_description description{};
+  struct Instance {
+    std::unique_ptr<Plugin> plugin;
     std::vector<int> cameras;  // description's camera -> robot's camera, -1: not used
     wb_readings readings{};
     wb_commands commands{};
-    ~Plugin();
   };
   struct Place {
-    int plugin = -1, joint = -1;
+    int instance = -1, joint = -1;
+    CommandAdapter adapter;
+    JointReading reading;
   };
-  Place find(const std::string& joint) const;
+  Place find(const std::string& joint, bool wheel) const;
+  int provider(const char* what, std::uint32_t wb_description::*has) const;
+  void map_cameras(Instance& instance);
+  bool take(Place& place, JointReading& out) RT_SAFE;
 
   Log log_;
   RobotConfig robot_;
-  std::vector<std::unique_ptr<Plugin>> plugins_;
+  std::vector<wb_command_kind> wanted_;  // of each instance
+  std::vector<Instance> instances_;
   std::vector<Place> joints_, wheels_;
+  int imu_ = -1, wrench_ = -1, gripper_ = -1;  // instances, -1: none has it
+  std::vector<std::string> counter_names_;
   bool active_ = false;
+  bool failed_ = false;  // a write or an activation, since the last read
 };
 
 }  // namespace wb

@@ -46,20 +46,25 @@ Sinc sinc(double h) {
 // Of a solver; a Policy carries the first kMaxNodes of them.
 constexpr std::size_t kMaxGrid = 1024;
 
-std::vector<double> read_grid(const config::Section& section) {
-  const double fine = section.number("fine_step_s", {0.001, 1.0});
-  const double fine_until = section.number("fine_until_s", config::kPositive);
-  const double coarse = section.number("coarse_step_s", {0.001, 1.0});
-  const double horizon = section.number("horizon_s", config::kPositive);
+GridSettings read_grid(const config::Section& section) {
+  const GridSettings grid{section.number("fine_step_s", {0.001, 1.0}),
+                          section.number("fine_until_s", config::kPositive),
+                          section.number("coarse_step_s", {0.001, 1.0}),
+                          section.number("horizon_s", config::kPositive)};
   section.finish();
+  return grid;
+}
+
+std::vector<double> make_grid(const GridSettings& settings, const config::Section& section) {
   std::vector<double> grid;
   const auto append = [&](double from, double until, double step) {
     const int count = static_cast<int>(std::ceil((until - from) / step - 1e-9));
     for (int i = 0; i < count; ++i) grid.push_back(from + i * (until - from) / count);
   };
-  append(0.0, std::min(fine_until, horizon), fine);
-  append(std::min(fine_until, horizon), horizon, coarse);
-  grid.push_back(horizon);
+  const double fine_until = std::min(settings.fine_until_s, settings.horizon_s);
+  append(0.0, fine_until, settings.fine_step_s);
+  append(fine_until, settings.horizon_s, settings.coarse_step_s);
+  grid.push_back(settings.horizon_s);
   if (grid.size() > kMaxGrid) {
     section.fail("horizon_s", "needs " + std::to_string(grid.size()) + " nodes, allowed: at most " +
                                   std::to_string(kMaxGrid));
@@ -76,14 +81,17 @@ OptimalControlProblem::OptimalControlProblem(std::shared_ptr<const RobotModel> m
 
 OptimalControlProblem::OptimalControlProblem(std::shared_ptr<const RobotModel> model,
                                              const config::Section& settings,
-                                             const std::vector<std::string>& disabled)
+                                             const std::vector<std::string>& disabled,
+                                             const GridSettings* grid)
     : model_(std::move(model)), limits_(input_limits(*model_)) {
   if (model_->nx() > kMaxStates || model_->nu() > kMaxInputs) {
     throw config::ConfigError(model_->config().urdf.string() + ": has " +
                               std::to_string(model_->nx()) + " states, allowed: at most " +
                               std::to_string(kMaxStates));
   }
-  grid_ = read_grid(settings.section("grid"));
+  const config::Section grid_section = settings.section("grid");
+  const GridSettings from_file = read_grid(grid_section);
+  grid_ = make_grid(grid ? *grid : from_file, grid_section);
   for (std::size_t i = 0; i + 1 < grid_.size(); ++i) weights_s_.push_back(grid_[i + 1] - grid_[i]);
   weights_s_.push_back(settings.number("terminal_weight_s", config::kNonNegative));
 
@@ -97,9 +105,8 @@ OptimalControlProblem::OptimalControlProblem(std::shared_ptr<const RobotModel> m
   const config::Section sections = settings.section("terms");
   for (const Entry& entry : kRegistry) {
     const config::Section section = sections.section(entry.name);
-    const bool enabled =
-        section.boolean_or("enabled", true) &&
-        std::find(disabled.begin(), disabled.end(), entry.name) == disabled.end();
+    const bool enabled = section.boolean_or("enabled", true) &&
+                         std::find(disabled.begin(), disabled.end(), entry.name) == disabled.end();
     WeightTable ignored;
     std::unique_ptr<Term> term = entry.make(section, model_, enabled ? weights_ : ignored);
     if (!enabled) continue;

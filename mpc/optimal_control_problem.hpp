@@ -35,14 +35,21 @@ struct TermValues {
   std::array<double, kMaxTerms> violation{};  // largest, in the term's own unit; 0: none
 };
 
+// Node spacing: `fine_step_s` until `fine_until_s`, then `coarse_step_s` until `horizon_s`.
+struct GridSettings {
+  double fine_step_s, fine_until_s, coarse_step_s, horizon_s;
+};
+
 class OptimalControlProblem {
  public:
   // Reads mpc.yaml in the robot's folder. Terms named in `disabled` are left out; an unknown name
   // is an error.
   explicit OptimalControlProblem(std::shared_ptr<const RobotModel> model,
                                  const std::vector<std::string>& disabled = {});
+  // `grid`, if not null, stands for the file's.
   OptimalControlProblem(std::shared_ptr<const RobotModel> model, const config::Section& settings,
-                        const std::vector<std::string>& disabled = {});
+                        const std::vector<std::string>& disabled = {},
+                        const GridSettings* grid = nullptr);
 
   const RobotModel& model() const { return *model_; }
   int nx() const { return model_->nx(); }

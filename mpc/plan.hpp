@@ -79,9 +79,9 @@ inline void shift(const Plan& from, const std::vector<TimeNs>& t, int nodes, con
       continue;
     }
     const int k = std::min(from.node_at(t[i]), from.nodes - 2);
-    const double s = std::clamp(static_cast<double>(t[i] - from.t[k]) /
-                                    static_cast<double>(from.t[k + 1] - from.t[k]),
-                                0.0, 1.0);
+    const double s = std::clamp(
+        static_cast<double>(t[i] - from.t[k]) / static_cast<double>(from.t[k + 1] - from.t[k]), 0.0,
+        1.0);
     to.x[i] = (1.0 - s) * from.x[k] + s * from.x[k + 1];
     if (i + 1 == nodes || t[i] >= from.t[from.nodes - 1]) continue;
     to.K[i] = from.K[k];

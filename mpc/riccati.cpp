@@ -12,6 +12,79 @@ template <int Rows, int Cols, int MaxRows, int MaxCols>
 using Sized = Eigen::Matrix<double, Rows, Cols, 0, Rows == Eigen::Dynamic ? MaxRows : Rows,
                             Cols == Eigen::Dynamic ? MaxCols : Cols>;
 
+// k and K on e + C dx + D du = 0. Inputs that leave the box are held at its bound and the rest is
+// solved again, until none leaves it; at most one round for each input. Rows that the free inputs
+// cannot satisfy are satisfied in the least squares' sense.
+bool solve_constrained(const InputMatrix& H, const InputStateMatrix& G, const InputVector& g,
+                       LqStage& stage, LqResult& result) noexcept {
+  using Rows =
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxEqualities, kMaxEqualities>;
+  using RowsU =
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxInputs, kMaxEqualities>;
+  using RowsX =
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxEqualities, kMaxStates>;
+  using RowsV = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxEqualities, 1>;
+  const Equality& eq = stage.equality;
+  const int m = eq.rows, nu = static_cast<int>(g.size());
+  InputVector& k = stage.k;
+  bool held[kMaxInputs] = {};
+  k.setZero(nu);
+  for (int round = 0; round <= nu && round < kMaxStageFactorisations; ++round) {
+    InputMatrix free = H;
+    InputVector at_bounds = InputVector::Zero(nu);
+    for (int i = 0; i < nu; ++i) {
+      if (!held[i]) continue;
+      at_bounds[i] = k[i];
+      free.row(i).setZero();
+      free.col(i).setZero();
+      free(i, i) = 1.0;
+    }
+    ++result.factorisations;
+    const Eigen::LLT<InputMatrix> factor(free);
+    if (factor.info() != Eigen::Success) return false;
+    InputVector newton = -g;
+    newton.noalias() -= H.lazyProduct(at_bounds);
+    InputStateMatrix gain = -G;
+    RowsU D_t = eq.D.topRows(m).transpose();
+    for (int i = 0; i < nu; ++i) {
+      if (!held[i]) continue;
+      newton[i] = 0;
+      gain.row(i).setZero();
+      D_t.row(i).setZero();
+    }
+    factor.solveInPlace(newton);
+    factor.solveInPlace(gain);
+    RowsU Y = D_t;
+    factor.solveInPlace(Y);
+    Rows S = D_t.transpose().lazyProduct(Y);
+    S.diagonal().array() += 1e-9 * (1e-12 + S.trace());
+    const Eigen::LLT<Rows> schur(S);
+    if (schur.info() != Eigen::Success) return false;
+    RowsV residual = eq.e.head(m);
+    residual.noalias() += D_t.transpose().lazyProduct(newton);
+    residual.noalias() += eq.D.topRows(m).lazyProduct(at_bounds);
+    schur.solveInPlace(residual);
+    RowsX coupling = eq.C.topRows(m);
+    coupling.noalias() += D_t.transpose().lazyProduct(gain);
+    schur.solveInPlace(coupling);
+    k = newton + at_bounds;
+    k.noalias() -= Y.lazyProduct(residual);
+    stage.K = gain;
+    stage.K.noalias() -= Y.lazyProduct(coupling);
+    bool left = false;
+    for (int i = 0; i < nu; ++i) {
+      if (!held[i] && !(k[i] >= stage.lower[i] && k[i] <= stage.upper[i])) {
+        k[i] = k[i] < stage.lower[i] ? stage.lower[i] : stage.upper[i];
+        held[i] = left = true;
+      }
+      if (held[i]) stage.K.row(i).setZero();
+    }
+    if (!left) break;
+  }
+  k = k.cwiseMax(stage.lower).cwiseMin(stage.upper);
+  return k.allFinite();
+}
+
 template <int NX, int NU>
 class Sweep {
  public:
@@ -47,7 +120,8 @@ class Sweep {
       stage.k.conservativeResize(nu_);
       stage.K.resize(nu_, nx_);
       const bool constrained = stage.equality.rows > 0;
-      if (!(constrained ? solve_constrained(stage, result) : solve_box(stage, result))) {
+      if (!(constrained ? solve_constrained(H_, G_, g_, stage, result)
+                        : solve_box(stage, result))) {
         result.failed_stage = i;
         return result;
       }
@@ -87,7 +161,7 @@ class Sweep {
     const View<U> lower(stage.lower.data(), nu_), upper(stage.upper.data(), nu_);
     k = k.cwiseMax(lower).cwiseMin(upper);
     U slope = H_ * k + g_;
-    const double tolerance = 1e-10 * (1.0 + g_.template lpNorm<Eigen::Infinity>());
+    const double tolerance = 1e-14 * (1.0 + g_.template lpNorm<Eigen::Infinity>());
     bool held[kMaxInputs] = {};
     bool factorised = false;
     for (int iteration = 0;; ++iteration) {
@@ -131,72 +205,6 @@ class Sweep {
     return true;
   }
 
-  // The same on e + C dx + D du = 0. Inputs that leave the box are held at its bound and the rest
-  // is solved again, until none leaves it; at most one round for each input. Rows that the free
-  // inputs cannot satisfy are satisfied in the least squares' sense.
-  bool solve_constrained(LqStage& stage, LqResult& result) noexcept {
-    const Equality& eq = stage.equality;
-    const int m = eq.rows;
-    using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxEqualities, kMaxEqualities>;
-    using RowsU = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxInputs, kMaxEqualities>;
-    using RowsX = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxEqualities, kMaxStates>;
-    using RowsV = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxEqualities, 1>;
-    Eigen::Map<U> k(stage.k.data(), nu_);
-    Eigen::Map<UX> K(stage.K.data(), nu_, nx_);
-    const View<U> lower(stage.lower.data(), nu_), upper(stage.upper.data(), nu_);
-    bool held[kMaxInputs] = {};
-    k.setZero();
-    for (int round = 0; round <= nu_ && round < kMaxStageFactorisations; ++round) {
-      if (!factorise(held, result)) return false;
-      U at_bounds = U::Zero(nu_);
-      for (int i = 0; i < nu_; ++i) {
-        if (held[i]) at_bounds[i] = k[i];
-      }
-      U newton = -g_ - H_ * at_bounds;
-      UX gain = -G_;
-      RowsU D_t = eq.D.topRows(m).transpose();
-      for (int i = 0; i < nu_; ++i) {
-        if (!held[i]) continue;
-        newton[i] = 0;
-        gain.row(i).setZero();
-        D_t.row(i).setZero();
-      }
-      factor_.solveInPlace(newton);
-      factor_.solveInPlace(gain);
-      RowsU Y = D_t;
-      for (int c = 0; c < m; ++c) {
-        U column = Y.col(c);
-        factor_.solveInPlace(column);
-        Y.col(c) = column;
-      }
-      Rows S = D_t.transpose().lazyProduct(Y);
-      S.diagonal().array() += 1e-9 * (1e-12 + S.trace());
-      const Eigen::LLT<Rows> schur(S);
-      if (schur.info() != Eigen::Success) return false;
-      RowsV residual = eq.e.head(m);
-      residual.noalias() += D_t.transpose().lazyProduct(newton);
-      residual.noalias() += eq.D.topRows(m).lazyProduct(at_bounds);
-      schur.solveInPlace(residual);
-      RowsX coupling = eq.C.topRows(m);
-      coupling.noalias() += D_t.transpose().lazyProduct(gain);
-      schur.solveInPlace(coupling);
-      k = newton + at_bounds;
-      k.noalias() -= Y.lazyProduct(residual);
-      K = gain;
-      K.noalias() -= Y.lazyProduct(coupling);
-      bool left = false;
-      for (int i = 0; i < nu_; ++i) {
-        if (held[i] || (k[i] >= lower[i] && k[i] <= upper[i])) continue;
-        k[i] = k[i] < lower[i] ? lower[i] : upper[i];
-        held[i] = left = true;
-        K.row(i).setZero();
-      }
-      if (!left) break;
-    }
-    k = k.cwiseMax(lower).cwiseMin(upper);
-    return k.allFinite();
-  }
-
   // Cholesky factor of H among the free inputs; rows and columns of held ones are the identity's.
   bool factorise(const bool* held, LqResult& result) noexcept {
     ++result.factorisations;
@@ -228,9 +236,6 @@ LqResult solve_lq(std::span<LqStage> stages, const Quadratic& terminal,
   const int nu = stages.empty() ? 0 : static_cast<int>(stages[0].B.cols());
   if (nx == 9 && nu == 8) return Sweep<9, 8>(nx, nu).run(stages, terminal, regularisation);
   if (nx == 7 && nu == 7) return Sweep<7, 7>(nx, nu).run(stages, terminal, regularisation);
-  if (nx == 9 && nu == 9) return Sweep<9, 9>(nx, nu).run(stages, terminal, regularisation);
-  if (nx == 11 && nu == 10) return Sweep<11, 10>(nx, nu).run(stages, terminal, regularisation);
-  if (nx == 6 && nu == 6) return Sweep<6, 6>(nx, nu).run(stages, terminal, regularisation);
   return Sweep<Eigen::Dynamic, Eigen::Dynamic>(nx, nu).run(stages, terminal, regularisation);
 }
 

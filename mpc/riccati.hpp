@@ -17,8 +17,8 @@ struct LqStage {
   Quadratic cost;
   InputVector lower, upper;  // of k; lower <= upper
   Equality equality;
-  InputStateMatrix K;        // result; rows of inputs that k holds at a bound are zero
-  InputVector k;             // result; on entry the guess of which bounds hold
+  InputStateMatrix K;  // result; rows of inputs that k holds at a bound are zero
+  InputVector k;       // result; on entry the guess of which bounds hold
   // Result: cost to go from this node, v'dx + dx'V dx / 2 and a constant.
   StateMatrix V;
   StateVector v;

@@ -214,15 +214,13 @@ void SlqSolver::Workspace::prepare(const SolveInput& input) noexcept {
 // cannot be had, velocity wins.
 void SlqSolver::Workspace::set_input_box(const SolveInput& input) noexcept {
   const InputLimits& limits = problem->limits();
-  const double scale =
-      input.reference->speed_scale > 0.0 && input.reference->speed_scale <= 1.0
-          ? input.reference->speed_scale
-          : 1.0;
+  const double scale = input.reference->speed_scale > 0.0 && input.reference->speed_scale <= 1.0
+                           ? input.reference->speed_scale
+                           : 1.0;
   if (!have_applied || input.t0 != applied_t) {
     const double most_since = problem->grid()[1];
-    since_last = last.nodes == 0
-                     ? most_since
-                     : std::clamp(to_seconds(input.t0 - last.t[0]), 0.0, most_since);
+    since_last = last.nodes == 0 ? most_since
+                                 : std::clamp(to_seconds(input.t0 - last.t[0]), 0.0, most_since);
     const StateVector x0 = Eigen::Map<const Eigen::VectorXd>(input.x0, nx);
     if (!x0.allFinite() || !last.evaluate(input.t0, x0, applied)) applied.setZero(nu);
     for (int r = 0; r < nu; ++r)
@@ -360,9 +358,8 @@ bool SlqSolver::Workspace::solve_quadratic_problem() noexcept {
   factorisations += lq.factorisations;
   if (lq.finite) return true;
   ++counters.regularised;
-  regularisation =
-      std::min(kRegularisationMost,
-               kRegularisationRetry * std::max(regularisation, kRegularisationFirst));
+  regularisation = std::min(kRegularisationMost,
+                            kRegularisationRetry * std::max(regularisation, kRegularisationFirst));
   for (LqStage& stage : used) stage.k.setZero(nu);
   lq = solve_lq(used, terminal, regularisation);
   factorisations += lq.factorisations;
@@ -484,8 +481,7 @@ SolveStatus SlqSolver::Workspace::solve(const SolveInput& input, Policy& policy,
     report.cost_before = now->cost;
     report.regularisation = regularisation;
     for (int i = 0; i + 1 < nodes; ++i)
-      report.largest_move =
-          std::max(report.largest_move, stages[i].k.lpNorm<Eigen::Infinity>());
+      report.largest_move = std::max(report.largest_move, stages[i].k.lpNorm<Eigen::Infinity>());
     search(report);
   }
   report.node_evaluations = node_evaluations;

@@ -42,8 +42,8 @@ std::string describe(const OptimalControlProblem& problem, const Trouble& troubl
     at = text;
   }
   const auto term = [&] {
-    const bool known = trouble.index >= 0 &&
-                       trouble.index < static_cast<int>(problem.terms().size());
+    const bool known =
+        trouble.index >= 0 && trouble.index < static_cast<int>(problem.terms().size());
     return known ? problem.terms()[trouble.index]->name() : std::string("?");
   };
   switch (trouble.kind) {
@@ -54,9 +54,9 @@ std::string describe(const OptimalControlProblem& problem, const Trouble& troubl
     case TroubleKind::kReference:
       return "reference is not a number" + at;
     case TroubleKind::kWeights:
-      return "weights refused: " +
-             (trouble.index >= 0 ? problem.weights().infos()[trouble.index].name
-                                 : std::string("wrong count"));
+      return "weights refused: " + (trouble.index >= 0
+                                        ? problem.weights().infos()[trouble.index].name
+                                        : std::string("wrong count"));
     case TroubleKind::kTerm:
       return "term " + term() + " is not a number" + at;
     case TroubleKind::kModel:

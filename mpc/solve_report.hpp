@@ -40,7 +40,7 @@ struct SolveReport {
   SolveStatus status = SolveStatus::kConverging;
   Trouble trouble;
   double cost_before = 0, cost_after = 0;  // of the warm start and of the result
-  double defect = 0;  // largest dynamics defect of the result; 0, results are rolled out
+  double defect = 0;        // largest dynamics defect of the result; 0, results are rolled out
   double equality = 0;      // largest |e| of the equalities on the result
   double step = 0;          // accepted step length, 0 if none
   double largest_move = 0;  // of the feed-forward: 0 at an optimum

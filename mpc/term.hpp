@@ -15,7 +15,7 @@
 namespace wb {
 
 inline constexpr int kMaxTerms = 16;
-inline constexpr int kMaxSpheres = 64;    // bits of Node::active_spheres
+inline constexpr int kMaxSpheres = 64;                          // bits of Node::active_spheres
 inline constexpr int kMaxEqualities = kMaxVelocityConstraints;  // rows at a node
 
 using InputVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxInputs, 1>;

@@ -16,13 +16,19 @@ BaseRoute::BaseRoute(const BaseConfig& base, const config::Section& section)
       low_m_(section.number("height_low_m")),
       high_m_(section.number("height_high_m")),
       lookahead_m_(section.number("lookahead_m", config::kPositive)),
-      reverse_m_(section.number("reverse_m", config::kNonNegative)),
-      speed_factor_(section.number("speed_factor", config::kFraction)),
       clearance_(kMaxCells),
       cost_(kMaxCells),
       next_(kMaxCells),
       heap_(kMaxCells),
       heap_place_(kMaxCells) {
+  // An omnidirectional base has no need to back up.
+  if (base_.kind == BaseKind::kDifferentialDrive)
+    reverse_m_ = section.number("reverse_m", config::kNonNegative);
+  const double speed_factor = section.number("speed_factor", config::kFraction);
+  v_max_ = speed_factor * base_.velocity_max;
+  w_max_ = speed_factor * base_.yaw_rate_max;
+  a_max_ = 0.7 * base_.acceleration_max;
+  b_max_ = 0.7 * base_.yaw_acceleration_max;
   section.finish();
 }
 
@@ -164,18 +170,58 @@ void BaseRoute::search(const Eigen::Vector2d& from, const Eigen::Vector2d& to) R
   waypoint_[waypoints_++] = to;
 }
 
-void BaseRoute::follow(TimeNs t0, std::array<double, 3> pose, std::array<double, 2> velocity,
-                       Reference& ref) const RT_SAFE {
-  constexpr double kStep = 0.02;        // s, simulation
-  constexpr int kStepsPerKeyframe = 5;  // 0.1 s
-  const double v_max = speed_factor_ * base_.velocity_max,
-               w_max = speed_factor_ * base_.yaw_rate_max;
-  const double a_max = 0.7 * base_.acceleration_max,
-               b_max = 0.7 * base_.yaw_acceleration_max;  // the MPC needs some of it
-  const Eigen::Vector2d goal = waypoint_[waypoints_ - 1];
+std::array<double, 3> BaseRoute::wish_of_unicycle(const std::array<double, 3>& pose,
+                                                  const Eigen::Vector2d& target, double left,
+                                                  bool arrived, double goal_yaw) const RT_SAFE {
   // A base that stopped a little off the goal turns on the spot; it does not set out again for the
   // rest.
   constexpr double kClose = 0.05, kArrived = 0.10;
+  const Eigen::Vector2d p(pose[0], pose[1]);
+  if (left > (arrived ? kArrived : kClose)) {
+    double bearing = wrap(std::atan2(target.y() - p.y(), target.x() - p.x()) - pose[2]);
+    double sign = 1.0;
+    if (left < reverse_m_ &&
+        std::abs(bearing) > M_PI / 2) {  // a short way back is driven backwards
+      bearing = wrap(bearing - M_PI);
+      sign = -1.0;
+    }
+    // Turn first, then drive: the slower, the more the heading is off.
+    const double facing = std::max(0.0, std::cos(std::min(1.5 * std::abs(bearing), M_PI / 2)));
+    const double v = std::min(v_max_ * facing, std::sqrt(2 * a_max_ * std::max(0.0, left - 0.02)));
+    return {sign * v, 0.0, std::clamp(2.5 * bearing, -w_max_, w_max_)};
+  }
+  // What lies ahead or behind is made good during the turn; what lies aside stays.
+  const Eigen::Vector2d goal = waypoint_[waypoints_ - 1];
+  const double along = (goal - p).dot(Eigen::Vector2d(std::cos(pose[2]), std::sin(pose[2])));
+  const double v = std::copysign(
+      std::min(std::sqrt(2 * a_max_ * std::abs(along)), 4.0 * std::abs(along)), along);
+  return {v, 0.0, wish_of_turn(wrap(goal_yaw - pose[2]))};
+}
+
+// Straight to the target, turning to the goal's yaw from the start: the robot's circle does not
+// care which way it faces.
+std::array<double, 3> BaseRoute::wish_of_omnidirectional(const std::array<double, 3>& pose,
+                                                         const Eigen::Vector2d& target, double left,
+                                                         double goal_yaw) const RT_SAFE {
+  const Eigen::Vector2d way_W = target - Eigen::Vector2d(pose[0], pose[1]);
+  // The square root of braking is too steep to follow near the goal.
+  const double v = std::min({v_max_, std::sqrt(2 * a_max_ * left), 4.0 * left});
+  const Eigen::Vector2d v_B =
+      Eigen::Rotation2Dd(-pose[2]) * (way_W * (v / std::max(way_W.norm(), 1e-9)));
+  return {v_B.x(), v_B.y(), wish_of_turn(wrap(goal_yaw - pose[2]))};
+}
+
+double BaseRoute::wish_of_turn(double turn) const RT_SAFE {
+  if (std::abs(turn) < 0.01) return turn;
+  return std::copysign(std::min(w_max_, std::sqrt(2 * b_max_ * std::abs(turn))), turn);
+}
+
+void BaseRoute::follow(TimeNs t0, std::array<double, 3> pose, std::array<double, 3> velocity,
+                       Reference& ref) const RT_SAFE {
+  constexpr double kStep = 0.02;        // s, simulation
+  constexpr int kStepsPerKeyframe = 5;  // 0.1 s
+  const Eigen::Vector2d goal = waypoint_[waypoints_ - 1];
+  constexpr double kArrived = 0.10;
   const bool arrived = (goal - Eigen::Vector2d(pose[0], pose[1])).norm() < kArrived;
   int segment = 0;
   ref.base_count = 0;
@@ -208,39 +254,24 @@ void BaseRoute::follow(TimeNs t0, std::array<double, 3> pose, std::array<double,
     }
     left = (goal - p).norm();
 
-    double v_wish = 0, w_wish = 0;
-    if (left > (arrived ? kArrived : kClose)) {
-      double bearing = wrap(std::atan2(target.y() - p.y(), target.x() - p.x()) - pose[2]);
-      double sign = 1.0;
-      if (left < reverse_m_ &&
-          std::abs(bearing) > M_PI / 2) {  // a short way back is driven backwards
-        bearing = wrap(bearing - M_PI);
-        sign = -1.0;
-      }
-      w_wish = std::clamp(2.5 * bearing, -w_max, w_max);
-      // Turn first, then drive: the slower, the more the heading is off.
-      const double facing = std::max(0.0, std::cos(std::min(1.5 * std::abs(bearing), M_PI / 2)));
-      v_wish = sign * std::min(v_max * facing, std::sqrt(2 * a_max * std::max(0.0, left - 0.02)));
-    } else {
-      // What lies ahead or behind is made good during the turn; what lies aside stays.
-      const double along = (goal - p).dot(Eigen::Vector2d(std::cos(pose[2]), std::sin(pose[2])));
-      v_wish = std::copysign(
-          std::min(std::sqrt(2 * a_max * std::abs(along)), 4.0 * std::abs(along)), along);
-      const double turn = wrap(ref.base_goal[2] - pose[2]);
-      w_wish = std::copysign(std::min(w_max, std::sqrt(2 * b_max * std::abs(turn))), turn);
-      if (std::abs(turn) < 0.01) w_wish = turn;
+    const std::array<double, 3> wish =
+        base_.kind == BaseKind::kOmnidirectional
+            ? wish_of_omnidirectional(pose, target, left, ref.base_goal[2])
+            : wish_of_unicycle(pose, target, left, arrived, ref.base_goal[2]);
+    for (int i = 0; i < 3; ++i) {
+      const double change = (i == 2 ? b_max_ : a_max_) * kStep;
+      velocity[i] += std::clamp(wish[i] - velocity[i], -change, change);
     }
-    velocity[0] += std::clamp(v_wish - velocity[0], -a_max * kStep, a_max * kStep);
-    velocity[1] += std::clamp(w_wish - velocity[1], -b_max * kStep, b_max * kStep);
-    const double heading = pose[2] + 0.5 * velocity[1] * kStep;
-    pose[0] += velocity[0] * std::cos(heading) * kStep;
-    pose[1] += velocity[0] * std::sin(heading) * kStep;
-    pose[2] += velocity[1] * kStep;
+    const double heading = pose[2] + 0.5 * velocity[2] * kStep;
+    const double cosine = std::cos(heading), sine = std::sin(heading);
+    pose[0] += (velocity[0] * cosine - velocity[1] * sine) * kStep;
+    pose[1] += (velocity[0] * sine + velocity[1] * cosine) * kStep;
+    pose[2] += velocity[2] * kStep;
   }
 }
 
 void BaseRoute::plan(TimeNs t0, const std::array<double, 3>& start,
-                     const std::array<double, 2>& velocity, const DistanceField* field,
+                     const std::array<double, 3>& velocity, const DistanceField* field,
                      Reference& reference) RT_SAFE {
   if (field && !field->empty() && (field->seq != field_seq_ || !have_map_)) flatten(*field);
   search({start[0], start[1]}, {reference.base_goal[0], reference.base_goal[1]});

@@ -1,8 +1,8 @@
-// Route of a differential-drive base to a goal pose: shortest clear path on a horizontal slice of
-// the distance field, smoothed, then followed by a simulated unicycle within the base's limits,
-// which gives timed keyframes that the MPC can track. MPC loop, step world: fixed storage, bounded
-// work, no allocation. Frame W, SI. Source: Dijkstra 1959; Coulter 1992 (pure pursuit). Why the MPC
-// needs it: docs/decisions/0001-base-route.md.
+// Route of a driving base to a goal pose: shortest clear path on a horizontal slice of the distance
+// field, smoothed, then followed within the base's limits by a simulated unicycle, or by an
+// omnidirectional base that turns on the way: timed keyframes that the MPC can track. MPC loop,
+// step world: fixed storage, bounded work, no allocation. Frame W, SI. Source: Dijkstra 1959;
+// Coulter 1992 (pure pursuit). Why the MPC needs it: docs/decisions/0001-base-route.md.
 #pragma once
 #include <array>
 #include <vector>
@@ -19,10 +19,10 @@ class BaseRoute {
  public:
   BaseRoute(const BaseConfig& base, const config::Section& section);
 
-  // Fills reference.base with the route from `start` (x, y, yaw; velocities v, w) to
+  // Fills reference.base with the route from `start` (x, y, yaw; velocities in B) to
   // reference.base_goal, beginning at t0. Without a map, or where no clear path is known, the route
   // leads straight.
-  void plan(TimeNs t0, const std::array<double, 3>& start, const std::array<double, 2>& velocity,
+  void plan(TimeNs t0, const std::array<double, 3>& start, const std::array<double, 3>& velocity,
             const DistanceField* field, Reference& reference) RT_SAFE;
 
   // Way points of the last plan, for views and tests.
@@ -38,12 +38,21 @@ class BaseRoute {
   double clearance(const Eigen::Vector2d& p) const RT_SAFE;
   bool clear_line(const Eigen::Vector2d& a, const Eigen::Vector2d& b, double needed) const RT_SAFE;
   void search(const Eigen::Vector2d& from, const Eigen::Vector2d& to) RT_SAFE;
-  void follow(TimeNs t0, std::array<double, 3> pose, std::array<double, 2> velocity,
+  void follow(TimeNs t0, std::array<double, 3> pose, std::array<double, 3> velocity,
               Reference& reference) const RT_SAFE;
+  // What the base wants to do next: velocities in B.
+  std::array<double, 3> wish_of_unicycle(const std::array<double, 3>& pose,
+                                         const Eigen::Vector2d& target, double left, bool arrived,
+                                         double goal_yaw) const RT_SAFE;
+  std::array<double, 3> wish_of_omnidirectional(const std::array<double, 3>& pose,
+                                                const Eigen::Vector2d& target, double left,
+                                                double goal_yaw) const RT_SAFE;
+
+  double wish_of_turn(double turn) const RT_SAFE;
 
   BaseConfig base_;
-  double radius_m_, comfort_m_, comfort_weight_, low_m_, high_m_, lookahead_m_, reverse_m_,
-      speed_factor_;
+  double v_max_, w_max_, a_max_, b_max_;  // of what the base can do, the MPC needs some
+  double radius_m_, comfort_m_, comfort_weight_, low_m_, high_m_, lookahead_m_, reverse_m_ = 0;
 
   // Slice of the map: nx * ny cells.
   std::uint64_t field_seq_ = 0;

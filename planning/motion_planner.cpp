@@ -8,8 +8,12 @@ MotionPlanner::MotionPlanner(std::shared_ptr<const RobotModel> model,
                              const std::vector<std::string>& disabled_terms)
     : model_(std::move(model)),
       problem_(std::make_shared<OptimalControlProblem>(model_, disabled_terms)),
-      solver_(problem_),
-      route_(model_->config().base, config::Section::open(model_->config().folder / "route.yaml")) {
+      solver_(problem_) {
+  const RobotConfig& robot = model_->config();
+  if (model_->base_dof() > 0) {
+    route_ =
+        std::make_unique<BaseRoute>(robot.base, config::Section::open(robot.folder / "route.yaml"));
+  }
 }
 
 void MotionPlanner::guess_from_route(const std::array<double, kMaxStates>& x0) RT_SAFE {
@@ -27,10 +31,11 @@ void MotionPlanner::guess_from_route(const std::array<double, kMaxStates>& x0) R
     if (i + 1 == guess_.nodes) break;
     const BaseKeyframe& next = reference_.base[i + 1];
     const double dt = to_seconds(next.t_ns - k.t_ns), heading = 0.5 * (k.base[2] + next.base[2]);
-    guess_.u(i)[0] = ((next.base[0] - k.base[0]) * std::cos(heading) +
-                      (next.base[1] - k.base[1]) * std::sin(heading)) /
-                     dt;
-    guess_.u(i)[1] = (next.base[2] - k.base[2]) / dt;
+    const double dx = (next.base[0] - k.base[0]) / dt, dy = (next.base[1] - k.base[1]) / dt;
+    const int turn = model_->base_inputs() - 1;
+    guess_.u(i)[0] = dx * std::cos(heading) + dy * std::sin(heading);
+    if (turn == 2) guess_.u(i)[1] = dy * std::cos(heading) - dx * std::sin(heading);
+    guess_.u(i)[turn] = (next.base[2] - k.base[2]) / dt;
   }
 }
 
@@ -38,8 +43,8 @@ SolveStatus MotionPlanner::step(const RobotState& state, const Reference& refere
                                 const DistanceField* field, Policy& policy,
                                 SolveReport& report) RT_SAFE {
   reference_ = reference;
-  if (model_->base_dof() == 3 && reference_.base_goal_active)
-    route_.plan(state.t_ns, state.base, state.base_velocity, field, reference_);
+  if (route_ && reference_.base_goal_active)
+    route_->plan(state.t_ns, state.base, state.base_velocity, field, reference_);
   // The arm's part of x0 is where the servos' set-points stand: the policy moves set-points, and
   // the servo follows them.
   std::array<double, kMaxStates> x0{};
@@ -48,8 +53,7 @@ SolveStatus MotionPlanner::step(const RobotState& state, const Reference& refere
   for (int i = 0; i < model_->joints(); ++i) x0[base + i] = state.q_command[i];
   // Following the route is a warm start, too: the solver takes it when its own has strayed into a
   // worse valley.
-  const bool routed =
-      model_->base_dof() == 3 && reference_.base_goal_active && reference_.base_count > 1;
+  const bool routed = route_ && reference_.base_goal_active && reference_.base_count > 1;
   if (routed) guess_from_route(x0);
   const SolveStatus status = solver_.solve(
       {state.t_ns, x0.data(), &reference_, field, routed ? &guess_ : nullptr}, policy, report);

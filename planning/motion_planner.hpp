@@ -11,8 +11,8 @@ namespace wb {
 
 class MotionPlanner {
  public:
-  // Reads robot_folder/mpc.yaml and route.yaml. `disabled_terms`: names of MPC terms to leave out
-  // (studies only).
+  // Reads robot_folder/mpc.yaml and, if the base drives, route.yaml. `disabled_terms`: names of MPC
+  // terms to leave out (studies only).
   MotionPlanner(std::shared_ptr<const RobotModel> model,
                 const std::vector<std::string>& disabled_terms = {});
 
@@ -32,7 +32,7 @@ class MotionPlanner {
   std::shared_ptr<const RobotModel> model_;
   std::shared_ptr<const OptimalControlProblem> problem_;
   SlqSolver solver_;
-  BaseRoute route_;
+  std::unique_ptr<BaseRoute> route_;  // none of a fixed base
   Reference reference_;
   Policy guess_;  // inputs that follow the route, arm at rest
 };

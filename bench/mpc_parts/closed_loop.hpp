@@ -7,7 +7,8 @@ namespace wb::bench {
 
 // Cost of a run, accumulated on a 5 ms rollout of the policy in force; a call every 10 ms, with
 // `iterations` of them at most.
-inline double closed_loop_cost(const char* grid, int calls, int iterations, double tolerance) {
+inline double closed_loop_cost(const GridSettings& grid, int calls, int iterations,
+                               double tolerance) {
   constexpr int kParts = 2;  // of a call's period: 5 ms
   const double dt = to_seconds(kCallPeriod) / kParts;
   const auto problem = reference_problem(grid);
@@ -67,8 +68,7 @@ inline double static_goal_error_mm() {
   RobotModel::Data data;
   problem->model().forward_kinematics(x.data(), data);
   const Eigen::Isometry3d X_WE = problem->model().X_WF(problem->model().end_effector(), data);
-  return 1e3 *
-         (X_WE.translation() - goal.ee[0].keyframes[0].X_WE.position()).norm();
+  return 1e3 * (X_WE.translation() - goal.ee[0].keyframes[0].X_WE.position()).norm();
 }
 
 }  // namespace wb::bench

@@ -64,12 +64,11 @@ inline OptimalityCheck check_optimality(std::shared_ptr<const OptimalControlProb
   auto policy = std::make_unique<Policy>();
   SolveReport report;
   for (; out.problems < problems; ++out.problems) {
-    const StateVector x0 = situations.state(-0.1);
+    const StateVector x0 = situations.free_state();
     const Reference goal = situations.reachable_goal(x0, 0.4);
     solver.reset();
-    const int iterations =
-        solver.converge({.t0 = 0, .x0 = x0.data(), .reference = &goal}, kMostIterations,
-                        kTolerance, *policy, report);
+    const int iterations = solver.converge({.t0 = 0, .x0 = x0.data(), .reference = &goal},
+                                           kMostIterations, kTolerance, *policy, report);
     out.iterations = std::max(out.iterations, iterations);
     const double residual = kkt_residual(*problem, solver, goal, situations.weights(), 0);
     out.worst = std::max(out.worst, std::isfinite(residual) ? residual : 1e9);

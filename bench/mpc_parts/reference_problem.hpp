@@ -1,9 +1,7 @@
 // The reference problem of the MPC bench: robot, goals, field and start state (facts: OCS2's
 // mobile_manipulator for Mabi-Mobile; DEFINITIONS.md, "Reference field"). Setup world. SI, frame W.
 #pragma once
-#include <fstream>
 #include <memory>
-#include <sstream>
 #include <string>
 
 #include "mpc/slq_solver.hpp"
@@ -19,30 +17,14 @@ inline std::shared_ptr<const RobotModel> reference_robot() {
   return model;
 }
 
-inline std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  if (at == std::string::npos) throw std::runtime_error("mpc.yaml does not hold: " + from);
-  return text.replace(at, from.size(), to);
-}
+inline constexpr GridSettings kGrid4s{0.04, 1.0, 0.1, 4.0}, kGrid1s{0.04, 1.0, 0.1, 1.0},
+    kGrid10ms{0.01, 4.0, 0.1, 4.0};
 
-// The problem with another grid: "{fine_step_s: ..., ...}" of mpc.yaml.
-inline std::shared_ptr<const OptimalControlProblem> reference_problem(const std::string& grid) {
-  std::ifstream in(WB_SOURCE_DIR "/bench/reference_problem/mpc.yaml");
-  std::ostringstream text;
-  text << in.rdbuf();
-  const std::string yaml = text.str();
-  const std::size_t begin = yaml.find("grid: ");
-  const std::string line = yaml.substr(begin, yaml.find('\n', begin) - begin);
+inline std::shared_ptr<const OptimalControlProblem> reference_problem(const GridSettings& grid) {
   return std::make_shared<const OptimalControlProblem>(
-      reference_robot(),
-      config::Section::parse(replaced(yaml, line, "grid: " + grid), "bench/mpc.yaml"));
+      reference_robot(), config::Section::open(WB_SOURCE_DIR "/bench/reference_problem/mpc.yaml"),
+      std::vector<std::string>{}, &grid);
 }
-inline constexpr const char* kGrid4s =
-    "{fine_step_s: 0.04, fine_until_s: 1.0, coarse_step_s: 0.1, horizon_s: 4.0}";
-inline constexpr const char* kGrid1s =
-    "{fine_step_s: 0.04, fine_until_s: 1.0, coarse_step_s: 0.1, horizon_s: 1.0}";
-inline constexpr const char* kGrid10ms =
-    "{fine_step_s: 0.01, fine_until_s: 4.0, coarse_step_s: 0.1, horizon_s: 4.0}";
 
 inline StateVector reference_start() {
   StateVector x(9);

@@ -13,8 +13,7 @@ namespace wb::bench {
 // Every robot of config/robots, by name.
 inline std::vector<std::string> robot_names() {
   std::vector<std::string> names;
-  for (const auto& entry :
-       std::filesystem::directory_iterator(WB_SOURCE_DIR "/config/robots")) {
+  for (const auto& entry : std::filesystem::directory_iterator(WB_SOURCE_DIR "/config/robots")) {
     if (entry.is_directory()) names.push_back(entry.path().filename());
   }
   std::sort(names.begin(), names.end());
@@ -65,8 +64,7 @@ class Situations {
   StateVector state(double beyond) {
     const RobotModel& model = problem_->model();
     StateVector x(model.nx());
-    if (model.base_dof() > 0)
-      x.head<3>() << uniform(-0.4, 0.4), uniform(-0.4, 0.4), uniform(-3, 3);
+    if (model.base_dof() > 0) x.head<3>() << uniform(-0.4, 0.4), uniform(-0.4, 0.4), uniform(-3, 3);
     for (int j = 0; j < model.joints(); ++j) {
       // A joint without limits turns twice about either way.
       const double low = std::max(model.limits(j).lower, -2 * M_PI);
@@ -118,16 +116,35 @@ class Situations {
       node.u[i] = uniform(-1.1, 1.1) * r.speed_scale * problem_->limits().velocity[i];
   }
 
-  // A goal that the arm reaches from the base's present place, within a joint's move of `reach` rad.
+  // No soft inequality is violated, nor as much as costs anything.
+  bool free(const StateVector& x) {
+    const Reference nothing;
+    const ReferenceSample sample;
+    Node node;
+    node.reference = &nothing;
+    node.sample = &sample;
+    node.weights = weights_.values.data();
+    node.terminal = true;
+    node.x = x;
+    return problem_->evaluate(node, nullptr, nullptr) == 0.0;
+  }
+  StateVector free_state() {
+    for (;;) {
+      const StateVector x = state(-0.1);
+      if (free(x)) return x;
+    }
+  }
+
+  // A goal that the arm reaches from the base's present place, within a joint's move of `reach` rad
+  // (or m), in a posture that is free.
   Reference reachable_goal(const StateVector& x0, double reach) {
     const RobotModel& model = problem_->model();
-    StateVector there = x0;
-    for (int j = 0; j < model.joints(); ++j) {
-      double& q = there[model.base_dof() + j];
-      const double room = 0.05 * std::min(1.0, model.limits(j).upper - model.limits(j).lower);
-      q = std::clamp(q + uniform(-reach, reach), model.limits(j).lower + room,
-                     model.limits(j).upper - room);
-    }
+    StateVector there;
+    do {
+      there = x0;
+      for (int j = 0; j < model.joints(); ++j)
+        there[model.base_dof() + j] += uniform(-reach, reach);
+    } while (!free(there));
     RobotModel::Data data;
     model.forward_kinematics(there.data(), data);
     Reference goal;

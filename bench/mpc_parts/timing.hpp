@@ -17,7 +17,7 @@ struct TimingResult {
   std::uint64_t allocations = 0;
 };
 
-inline TimingResult time_reference_problem(const char* grid, int calls) {
+inline TimingResult time_reference_problem(const GridSettings& grid, int calls) {
   const auto problem = reference_problem(grid);
   const DistanceField field = reference_field();
   SlqSolver solver(problem);
@@ -53,9 +53,9 @@ inline TimingResult time_reference_problem(const char* grid, int calls) {
       (void)policy.evaluate(at, x.data(), u.data(), x_ref.data());
       (void)policy.evaluate(at, x_ref.data(), u.data(), next.data());
       for (int r = 0; r < problem->nu(); ++r) {
-        out.rate_over_limit_percent = std::max(
-            out.rate_over_limit_percent,
-            100 * (std::abs(u[r]) / problem->limits().velocity[r] - 1));
+        out.rate_over_limit_percent =
+            std::max(out.rate_over_limit_percent,
+                     100 * (std::abs(u[r]) / problem->limits().velocity[r] - 1));
       }
     }
     x = next;
@@ -63,8 +63,8 @@ inline TimingResult time_reference_problem(const char* grid, int calls) {
   out.median_ms = timer.quantile_ms(0.5);
   out.p99_ms = timer.quantile_ms(0.99);
   out.sweep_ms = timer.sweep_median_ms();
-  out.tail_ratio = (out.p99_ms / out.median_ms) /
-                   (timer.sweep_quantile_ms(0.99) / timer.sweep_quantile_ms(0.5));
+  out.tail_ratio =
+      (out.p99_ms / out.median_ms) / (timer.sweep_quantile_ms(0.99) / timer.sweep_quantile_ms(0.5));
   out.no_step_percent = 100.0 * no_step / calls;
   out.median_step = quantile(steps, 0.5);
   return out;

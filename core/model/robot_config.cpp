@@ -81,13 +81,18 @@ JointConfig load_joint(const Section& s, const Checker& check) {
   JointConfig out;
   out.name = s.text("name");
   const urdf::Joint& joint = check.joint(s, "name", out.name);
-  if ((joint.type != urdf::Joint::REVOLUTE && joint.type != urdf::Joint::PRISMATIC) ||
+  const bool endless = joint.type == urdf::Joint::CONTINUOUS;
+  if ((joint.type != urdf::Joint::REVOLUTE && joint.type != urdf::Joint::PRISMATIC && !endless) ||
       !joint.limits) {
-    s.fail("name",
-           "names '" + out.name + "', which is not a revolute or prismatic joint with limits");
+    s.fail("name", "names '" + out.name +
+                       "', which is not a revolute, continuous or prismatic joint with limits");
+  }
+  if (joint.mimic) {
+    s.fail("name", "names '" + out.name + "', which follows " + joint.mimic->joint_name +
+                       " by itself (mimic): leave it out");
   }
   const urdf::JointLimits& limits = *joint.limits;
-  if (limits.lower >= limits.upper || limits.velocity <= 0 || limits.effort <= 0) {
+  if ((!endless && limits.lower >= limits.upper) || limits.velocity <= 0 || limits.effort <= 0) {
     s.fail("name", "names '" + out.name + "', whose limits in the URDF are empty: lower " +
                        std::to_string(limits.lower) + ", upper " + std::to_string(limits.upper) +
                        ", velocity " + std::to_string(limits.velocity) + ", effort " +
@@ -143,7 +148,9 @@ std::vector<double> load_posture(const Section& s, const std::string& key, const
                                  const std::vector<JointConfig>& joints) {
   const std::vector<double> q = s.numbers(key, static_cast<int>(joints.size()));
   for (std::size_t i = 0; i < q.size(); ++i) {
-    const urdf::JointLimits& limits = *check.urdf().getJoint(joints[i].name)->limits;
+    const urdf::Joint& joint = *check.urdf().getJoint(joints[i].name);
+    const urdf::JointLimits& limits = *joint.limits;
+    if (joint.type == urdf::Joint::CONTINUOUS) continue;
     if (q[i] < limits.lower || q[i] > limits.upper) {
       s.fail(key, "puts " + joints[i].name + " at " + std::to_string(q[i]) + ", allowed: " +
                       std::to_string(limits.lower) + " to " + std::to_string(limits.upper));

@@ -33,8 +33,8 @@ struct BaseConfig {
 
 struct JointConfig {
   std::string name;
-  double acceleration_max = 0;  // rad/s^2
-  double velocity_max = 0;      // rad/s; 0: the URDF's
+  double acceleration_max = 0;  // rad/s^2; m/s^2 of a prismatic joint
+  double velocity_max = 0;      // rad/s or m/s; 0: the URDF's
 };
 
 struct CameraConfig {
@@ -65,12 +65,12 @@ struct RobotConfig {
   std::vector<JointConfig> joints;  // the order of q
   std::vector<std::string>
       fingers;  // prismatic joints of the gripper; total opening = sum of their positions
-  std::string end_effector;     // URDF link E
+  std::string end_effector;                     // URDF link E
   std::vector<std::string> more_end_effectors;  // other links that a Reference may lead
-  std::string shoulder_camera;  // which camera measures the handle
+  std::string shoulder_camera;                  // which camera measures the handle
   double gripper_opening_max_m = 0;
-  std::vector<double> stowed;  // q [rad]: arm folded up over the base
-  std::vector<double> ready;   // q [rad]: hand in front, at the height of a drawer's handle
+  std::vector<double> stowed;  // q [rad or m]: arm folded up over the base
+  std::vector<double> ready;   // q [rad or m]: hand in front, at the height of a drawer's handle
   std::vector<CameraConfig> cameras;
   std::vector<SphereConfig> spheres;
   std::vector<CapsuleConfig> capsules;

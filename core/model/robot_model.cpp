@@ -26,23 +26,22 @@ Eigen::Matrix3d rotation(double angle, const Eigen::Vector3d& axis) {
 RobotModel::RobotModel(const RobotConfig& config) : config_(config) {
   const urdf::ModelInterfaceSharedPtr urdf = read_urdf(config.urdf);
   bodies_.resize(config.joints.size() + 1);
+  constexpr double kEndless = std::numeric_limits<double>::infinity();
   for (const JointConfig& joint : config.joints) {
-    const urdf::JointLimits& l = *urdf->getJoint(joint.name)->limits;
-    limits_.push_back({l.lower, l.upper, joint.velocity_max > 0 ? joint.velocity_max : l.velocity,
-                       l.effort, joint.acceleration_max});
+    const urdf::Joint& j = *urdf->getJoint(joint.name);
+    const urdf::JointLimits& l = *j.limits;
+    const bool endless = j.type == urdf::Joint::CONTINUOUS;
+    limits_.push_back({endless ? -kEndless : l.lower, endless ? kEndless : l.upper,
+                       joint.velocity_max > 0 ? joint.velocity_max : l.velocity, l.effort,
+                       joint.acceleration_max});
   }
   Frame root;
   root.name = urdf->getRoot()->name;
   add_link(*urdf->getRoot(), root);
-  for (std::size_t i = 1; i < bodies_.size(); ++i) {
-    const std::string& name = config.joints[i - 1].name;
-    // Recursions run through the bodies in order, so a parent must come before its children.
-    if (bodies_[i].parent >= static_cast<int>(i)) {
-      throw config::ConfigError((config.folder / "robot.yaml").string() + ": 'joints' lists " +
-                                name + " before the joint that carries it");
-    }
-    if (bodies_[i].mass <= 0) {
-      throw config::ConfigError(config.urdf.string() + ": joint " + name + " moves no mass");
+  for (std::size_t i = 0; i < config.joints.size(); ++i) {
+    if (bodies_[i + 1].mass <= 0) {
+      throw config::ConfigError(config.urdf.string() + ": joint " + config.joints[i].name +
+                                " moves no mass");
     }
   }
   for (const Body& body : bodies_) mass_ += body.mass;
@@ -94,8 +93,9 @@ void RobotModel::add_link(const urdf::Link& link, Frame frame) {
 
   for (const urdf::LinkSharedPtr& child : link.child_links) {
     const urdf::JointSharedPtr& joint = child->parent_joint;
+    const std::string& moved_by = joint->mimic ? joint->mimic->joint_name : joint->name;
     const auto listed = std::find_if(config_.joints.begin(), config_.joints.end(),
-                                     [&](const JointConfig& j) { return j.name == joint->name; });
+                                     [&](const JointConfig& j) { return j.name == moved_by; });
     Frame next;
     next.name = child->name;
     next.parent = index;
@@ -104,7 +104,14 @@ void RobotModel::add_link(const urdf::Link& link, Frame frame) {
       next.body = frame.body;
       next.X_LF = X_LJ;
     } else {
-      next.body = static_cast<int>(listed - config_.joints.begin()) + 1;
+      const int q = static_cast<int>(listed - config_.joints.begin());
+      next.body = joint->mimic ? static_cast<int>(bodies_.size()) : q + 1;
+      if (joint->mimic) bodies_.emplace_back();
+      if (next.body >= kMaxBodies) {
+        throw config::ConfigError(config_.urdf.string() + ": more than " +
+                                  std::to_string(kMaxMimics) + " mimic joints");
+      }
+      order_.push_back(next.body);
       const Eigen::Vector3d axis = to_eigen(joint->axis);
       if (!(axis.norm() > 0)) {
         throw config::ConfigError(config_.urdf.string() + ": joint " + joint->name +
@@ -112,6 +119,11 @@ void RobotModel::add_link(const urdf::Link& link, Frame frame) {
       }
       Body& body = bodies_[next.body];
       body.parent = frame.body;
+      body.joint = q;
+      if (joint->mimic) {
+        body.multiplier = joint->mimic->multiplier;
+        body.offset = joint->mimic->offset;
+      }
       body.X_PJ = X_LJ;
       body.axis = axis.normalized();
       body.prismatic = joint->type == urdf::Joint::PRISMATIC;
@@ -138,16 +150,17 @@ void RobotModel::forward_kinematics(const double* x, Data& data) const noexcept 
 }
 
 void RobotModel::place_joints(const double* q, Data& data) const noexcept {
-  for (std::size_t i = 1; i < bodies_.size(); ++i) {
+  for (const int i : order_) {
     const Body& body = bodies_[i];
+    const double value = body.multiplier * q[body.joint] + body.offset;
     const Eigen::Isometry3d& X_WP = data.X_WL[body.parent];
     Eigen::Isometry3d& X_WL = data.X_WL[i];
     X_WL = X_WP * body.X_PJ;
     data.axis_W[i].noalias() = X_WL.linear() * body.axis;
     if (body.prismatic) {
-      X_WL.translation() += q[i - 1] * data.axis_W[i];
+      X_WL.translation() += value * data.axis_W[i];
     } else {
-      X_WL.linear() = Eigen::Matrix3d(X_WL.linear()) * rotation(q[i - 1], body.axis);
+      X_WL.linear() = Eigen::Matrix3d(X_WL.linear()) * rotation(value, body.axis);
     }
   }
 }
@@ -166,7 +179,8 @@ void RobotModel::frame_jacobian(int frame, const Data& data, Jacobian& J) const 
   const int base = base_dof();
   if (base > 0) J(5, 2) = 1;
   for (int i = f.body; i > 0; i = bodies_[i].parent) {
-    if (!bodies_[i].prismatic) J.col(base + i - 1).tail<3>() = data.axis_W[i];
+    const Body& body = bodies_[i];
+    if (!body.prismatic) J.col(base + body.joint).tail<3>() += body.multiplier * data.axis_W[i];
   }
 }
 
@@ -182,10 +196,12 @@ void RobotModel::point_jacobian(int body, const Eigen::Vector3d& p_W, const Data
     J(1, 2) = r.x();
   }
   for (int i = body; i > 0; i = bodies_[i].parent) {
-    if (bodies_[i].prismatic) {
-      J.col(base + i - 1) = data.axis_W[i];
+    const Body& b = bodies_[i];
+    if (b.prismatic) {
+      J.col(base + b.joint) += b.multiplier * data.axis_W[i];
     } else {
-      J.col(base + i - 1) = data.axis_W[i].cross(p_W - data.X_WL[i].translation());
+      J.col(base + b.joint) +=
+          b.multiplier * data.axis_W[i].cross(p_W - data.X_WL[i].translation());
     }
   }
 }
@@ -198,15 +214,12 @@ void RobotModel::newton_euler(const Data& data, const double* dq, const double* 
   w[0].setZero();
   alpha[0].setZero();
   a[0] = Eigen::Vector3d(0, 0, lift);
-  const int bodies = static_cast<int>(bodies_.size());
-  for (int i = 1; i < bodies; ++i) {
+  for (const int i : order_) {
     const Body& body = bodies_[i];
     const int p = body.parent;
     const Eigen::Vector3d r = data.X_WL[i].translation() - data.X_WL[p].translation();
-    const Eigen::Vector3d rate =
-        dq ? Eigen::Vector3d(dq[i - 1] * data.axis_W[i]) : Eigen::Vector3d(Eigen::Vector3d::Zero());
-    const Eigen::Vector3d drate = ddq ? Eigen::Vector3d(ddq[i - 1] * data.axis_W[i])
-                                      : Eigen::Vector3d(Eigen::Vector3d::Zero());
+    const Eigen::Vector3d rate = (dq ? body.multiplier * dq[body.joint] : 0.0) * data.axis_W[i];
+    const Eigen::Vector3d drate = (ddq ? body.multiplier * ddq[body.joint] : 0.0) * data.axis_W[i];
     a[i] = a[p] + alpha[p].cross(r) + w[p].cross(w[p].cross(r));
     w[i] = w[p];
     alpha[i] = alpha[p];
@@ -223,9 +236,11 @@ void RobotModel::newton_euler(const Data& data, const double* dq, const double* 
     const Eigen::Vector3d alpha_L = R.transpose() * alpha[i];
     moment[i] = R * (body.inertia * alpha_L + w_L.cross(body.inertia * w_L)) + c.cross(force[i]);
   }
-  for (int i = bodies - 1; i > 0; --i) {
+  std::fill_n(tau, joints(), 0.0);
+  for (auto it = order_.rbegin(); it != order_.rend(); ++it) {
+    const int i = *it;
     const Body& body = bodies_[i];
-    tau[i - 1] = data.axis_W[i].dot(body.prismatic ? force[i] : moment[i]);
+    tau[body.joint] += body.multiplier * data.axis_W[i].dot(body.prismatic ? force[i] : moment[i]);
     const int p = body.parent;
     if (p == 0) continue;
     const Eigen::Vector3d r = data.X_WL[i].translation() - data.X_WL[p].translation();
@@ -269,9 +284,9 @@ void RobotModel::subtrees(const Data& data, Subtrees& out) const noexcept {
     out.mass[i] = bodies_[i].mass;
     out.com_W[i] = bodies_[i].mass * (data.X_WL[i] * bodies_[i].com);
   }
-  for (int i = bodies - 1; i > 0; --i) {
-    out.mass[bodies_[i].parent] += out.mass[i];
-    out.com_W[bodies_[i].parent] += out.com_W[i];
+  for (auto i = order_.rbegin(); i != order_.rend(); ++i) {
+    out.mass[bodies_[*i].parent] += out.mass[*i];
+    out.com_W[bodies_[*i].parent] += out.com_W[*i];
   }
   for (int i = 0; i < bodies; ++i) {
     if (out.mass[i] > 0) out.com_W[i] /= out.mass[i];

@@ -6,6 +6,7 @@
 #pragma once
 #include <Eigen/Geometry>
 #include <array>
+#include <limits>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,10 +28,12 @@ using JointMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaxJoints, kMaxJoints>;
 
 struct JointLimits {
-  double lower = 0, upper = 0;  // rad or m
+  double lower = 0, upper = 0;  // rad or m; of a continuous joint -inf and inf
   double velocity = 0;          // rad/s or m/s
   double torque = 0;            // Nm or N
-  double acceleration = 0;      // rad/s^2, from robot.yaml
+  double acceleration = 0;      // rad/s^2 or m/s^2, from robot.yaml
+
+  bool endless() const { return lower == -std::numeric_limits<double>::infinity(); }
 };
 
 struct Sphere {
@@ -49,17 +52,20 @@ struct Capsule {
 
 class RobotModel {
  public:
-  static constexpr int kMaxBodies = kMaxJoints + 1;
+  static constexpr int kMaxMimics = 8;
+  static constexpr int kMaxBodies = 1 + kMaxJoints + kMaxMimics;
 
   // Poses and scratch of one configuration; fixed size, no heap.
   struct Data {
-    // Body frames: body 0 is the base, body i is moved by joint i - 1.
+    // Body frames: body 0 is the base, body i is moved by joint i - 1, those after the last joint
+    // by mimic joints.
     std::array<Eigen::Isometry3d, kMaxBodies> X_WL;
     std::array<Eigen::Vector3d, kMaxBodies> axis_W;  // of the joint that moves the body
   };
 
   // Fixed children are merged; movable joints that robot.yaml does not list (wheels, fingers) are
-  // locked at zero. Throws config::ConfigError with the URDF's file and the link or joint at fault.
+  // locked at zero, except that a mimic joint follows its master, if that is listed. Throws
+  // config::ConfigError with the URDF's file and the link or joint at fault.
   explicit RobotModel(const RobotConfig& config);
 
   const RobotConfig& config() const { return config_; }
@@ -82,9 +88,13 @@ class RobotModel {
   int end_effectors() const { return static_cast<int>(end_effectors_.size()); }
   int end_effector(int k = 0) const { return end_effectors_[k]; }
 
-  // The tree: body 0 is the base, body i is moved by joint i - 1; a parent's index is smaller.
+  // The tree: body 0 is the base, every other one is moved by ratio(body) times the rate of
+  // joint_of(body); the ratio is 1 except for mimic joints.
+  int bodies() const { return static_cast<int>(bodies_.size()); }
   int frame_body(int frame) const { return frames_[frame].body; }
   int parent(int body) const { return bodies_[body].parent; }
+  int joint_of(int body) const { return bodies_[body].joint; }
+  double ratio(int body) const { return bodies_[body].multiplier; }
   bool prismatic(int body) const { return bodies_[body].prismatic; }
 
   void forward_kinematics(const double* x, Data& data) const noexcept;  // x has nx() entries
@@ -101,7 +111,7 @@ class RobotModel {
   void gravity(const double* q, JointVector& tau) const noexcept;
   void mass_matrix(const double* q, JointMatrix& M) const noexcept;
 
-  // Masses and centres of mass (in W) of everything that each joint carries: body i and all beyond.
+  // Masses and centres of mass (in W) of each body together with all beyond it.
   struct Subtrees {
     std::array<double, kMaxBodies> mass;
     std::array<Eigen::Vector3d, kMaxBodies> com_W;
@@ -119,6 +129,8 @@ class RobotModel {
  private:
   struct Body {
     int parent = -1;
+    int joint = -1;                     // moved by multiplier * q[joint] + offset
+    double multiplier = 1, offset = 0;  // of a mimic joint
     Eigen::Isometry3d X_PJ = Eigen::Isometry3d::Identity();  // parent body to joint frame at zero
     Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();
     bool prismatic = false;
@@ -144,6 +156,7 @@ class RobotModel {
 
   RobotConfig config_;
   std::vector<Body> bodies_;
+  std::vector<int> order_;  // all bodies but the base, parents before children
   std::vector<Frame> frames_;
   std::vector<JointLimits> limits_;
   std::vector<Sphere> spheres_;

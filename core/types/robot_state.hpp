@@ -18,7 +18,7 @@ struct RobotState {
   Phase phase = Phase::kNone;
   int joint_count = 0;
   std::array<double, 3> base{};           // x, y [m], yaw [rad, continuous], X_WB on the floor
-  std::array<double, 2> base_velocity{};  // forward [m/s] and yaw rate [rad/s], in B
+  std::array<double, 3> base_velocity{};  // forward, sideways [m/s], yaw rate [rad/s], in B
   std::array<double, kMaxJoints> q{};     // rad or m
   std::array<double, kMaxJoints> dq{};
   std::array<double, kMaxJoints> tau{};

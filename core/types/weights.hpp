@@ -1,6 +1,6 @@
-// The MPC's weights that may be changed between two solves. Travels service -> MPC by value, so that
-// a step stays pure and a recording holds what it was handed. Which entry is which, and what it may
-// be: WeightTable (mpc/weight_table.hpp). Trivially copyable.
+// The MPC's weights that may be changed between two solves. Travels service -> MPC by value, so
+// that a step stays pure and a recording holds what it was handed. Which entry is which, and what
+// it may be: WeightTable (mpc/weight_table.hpp). Trivially copyable.
 #pragma once
 #include <array>
 #include <cstdint>

@@ -1,19 +1,9 @@
-// Thin RAII over Cyclone DDS's C interface: entities, QoS, typed writers and readers. Setup throws
-// config::ConfigError. World: jobs only (dds_write allocates and locks). Included by this folder's
-// sources and its tests, by no other room. QoS and names: facts about ROS 2's wire (rt/<name>,
-// pkg::msg::dds_::Name_, XCDR1, no keys, never KEEP_ALL).
+// The messages, topics and QoS of the daemon's service over idl/dds.hpp. World: jobs only. Included
+// by this folder's sources and its tests, by no other room.
 #pragma once
-#include <dds/dds.h>
-
-#include <algorithm>
-#include <memory>
-#include <string>
-#include <string_view>
-#include <utility>
-
 #include "builtin_interfaces/msg/Time.h"
-#include "core/config/config.hpp"
 #include "diagnostic_msgs/msg/DiagnosticArray.h"
+#include "idl/dds.hpp"
 #include "nav_msgs/msg/Odometry.h"
 #include "nav_msgs/msg/Path.h"
 #include "sensor_msgs/msg/JointState.h"
@@ -24,9 +14,6 @@
 #include "wholebody_msgs/msg/Status.h"
 
 namespace wb::dds {
-
-template <class T>
-const dds_topic_descriptor_t* descriptor();
 
 namespace msg {
 using Time = builtin_interfaces_msg_dds__Time_;
@@ -40,15 +27,6 @@ using LoopTiming = wholebody_msgs_msg_dds__LoopTiming_;
 using Counter = wholebody_msgs_msg_dds__Counter_;
 }  // namespace msg
 
-// Types that are topics: wb::dds::msg::Name, and its descriptor.
-#define WB_DDS_TOPIC_TYPE(package, Name)                         \
-  namespace msg {                                                \
-  using Name = package##_msg_dds__##Name##_;                     \
-  }                                                              \
-  template <>                                                    \
-  inline const dds_topic_descriptor_t* descriptor<msg::Name>() { \
-    return &package##_msg_dds__##Name##__desc;                   \
-  }
 WB_DDS_TOPIC_TYPE(diagnostic_msgs, DiagnosticArray)
 WB_DDS_TOPIC_TYPE(nav_msgs, Odometry)
 WB_DDS_TOPIC_TYPE(nav_msgs, Path)
@@ -58,169 +36,15 @@ WB_DDS_TOPIC_TYPE(tf2_msgs, TFMessage)
 WB_DDS_TOPIC_TYPE(wholebody_msgs, Command)
 WB_DDS_TOPIC_TYPE(wholebody_msgs, CommandAck)
 WB_DDS_TOPIC_TYPE(wholebody_msgs, Status)
-#undef WB_DDS_TOPIC_TYPE
 
 inline constexpr char kCommandTopic[] = "rt/wholebody/command";
 inline constexpr char kAckTopic[] = "rt/wholebody/acknowledgement";
 inline constexpr char kStatusTopic[] = "rt/wholebody/status";
-
-// Owns one entity; deleting it deletes its children too.
-class Entity {
- public:
-  Entity() = default;
-  Entity(dds_entity_t entity, const std::string& what) : entity_(entity) {
-    if (entity < 0) {
-      throw config::ConfigError("DDS: " + what + ": " + dds_strretcode(-entity) +
-                                " (check CYCLONEDDS_URI and the network interface it names)");
-    }
-  }
-  Entity(Entity&& other) noexcept : entity_(std::exchange(other.entity_, 0)) {}
-  Entity& operator=(Entity&& other) noexcept {
-    std::swap(entity_, other.entity_);
-    return *this;
-  }
-  ~Entity() {
-    if (entity_ > 0) dds_delete(entity_);
-  }
-  dds_entity_t get() const { return entity_; }
-
- private:
-  dds_entity_t entity_ = 0;
-};
-
-struct Profile {
-  bool reliable = true;
-  bool latched = false;  // late readers get the last `depth` samples
-  int depth = 1;
-};
 
 inline constexpr Profile kCommandProfile{true, false, 10};
 // Deep enough that the outcome of one request is not pushed out by the refusals of another
 // client's.
 inline constexpr Profile kAckProfile{true, true, 32};
 inline constexpr Profile kStreamProfile{true, false, 1};
-
-using Qos = std::unique_ptr<dds_qos_t, void (*)(dds_qos_t*)>;
-
-inline Qos make_qos(const Profile& profile) {
-  Qos qos(dds_create_qos(), dds_delete_qos);
-  dds_qset_reliability(qos.get(),
-                       profile.reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT,
-                       DDS_INFINITY);
-  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, profile.depth);
-  if (profile.latched) {
-    dds_qset_durability(qos.get(), DDS_DURABILITY_TRANSIENT_LOCAL);
-    // What Cyclone keeps for late readers is bounded by the durability service, not by the history.
-    dds_qset_durability_service(qos.get(), 0, DDS_HISTORY_KEEP_LAST, profile.depth, -1, -1, -1);
-  }
-  dds_qset_writer_data_lifecycle(qos.get(), false);
-  const dds_data_representation_id_t representation = DDS_DATA_REPRESENTATION_XCDR1;
-  dds_qset_data_representation(qos.get(), 1, &representation);
-  return qos;
-}
-
-inline Entity make_participant(int domain, const std::string& name) {
-  Qos qos(dds_create_qos(), dds_delete_qos);
-  dds_qset_entity_name(qos.get(), name.c_str());
-  return Entity(dds_create_participant(static_cast<dds_domainid_t>(domain), qos.get(), nullptr),
-                "participant in domain " + std::to_string(domain));
-}
-
-// Without QoS of its own: a participant may have several endpoints on one topic, each with its QoS.
-template <class T>
-Entity make_topic(const Entity& participant, const std::string& name) {
-  return Entity(
-      dds_create_topic(participant.get(), descriptor<T>(), name.c_str(), nullptr, nullptr),
-      "topic " + name);
-}
-
-template <class T>
-class Writer {
- public:
-  Writer(const Entity& participant, const std::string& topic, const Profile& profile) {
-    const Qos qos = make_qos(profile);
-    topic_ = make_topic<T>(participant, topic);
-    writer_ = Entity(dds_create_writer(participant.get(), topic_.get(), qos.get(), nullptr),
-                     "writer of " + topic);
-  }
-  // False if Cyclone would not take it; the sample is then lost.
-  bool write(const T& message) const {
-    return dds_write(writer_.get(), &message) == DDS_RETCODE_OK;
-  }
-  bool matched() const { return dds_get_matched_subscriptions(writer_.get(), nullptr, 0) > 0; }
-
- private:
-  Entity topic_;
-  Entity writer_;
-};
-
-template <class T>
-class Reader {
- public:
-  Reader(const Entity& participant, const std::string& topic, const Profile& profile) {
-    const Qos qos = make_qos(profile);
-    topic_ = make_topic<T>(participant, topic);
-    reader_ = Entity(dds_create_reader(participant.get(), topic_.get(), qos.get(), nullptr),
-                     "reader of " + topic);
-    condition_ = Entity(dds_create_readcondition(reader_.get(), DDS_ANY_STATE),
-                        "read condition of " + topic);
-  }
-  // Hands every waiting sample to `handle(const T&)`, oldest first; the samples are Cyclone's and
-  // go back to it.
-  template <class Handle>
-  void take(Handle&& handle) {
-    for (;;) {
-      void* sample = nullptr;
-      dds_sample_info_t info;
-      if (dds_take(reader_.get(), &sample, &info, 1, 1) != 1) return;
-      const std::unique_ptr<void, Return> loan(sample, Return{reader_.get()});
-      if (info.valid_data) handle(*static_cast<const T*>(sample));
-    }
-  }
-  bool matched() const { return dds_get_matched_publications(reader_.get(), nullptr, 0) > 0; }
-  dds_entity_t condition() const { return condition_.get(); }  // true while samples wait
-
- private:
-  struct Return {
-    dds_entity_t reader;
-    void operator()(void* sample) const { dds_return_loan(reader, &sample, 1); }
-  };
-  Entity topic_;
-  Entity reader_;
-  Entity condition_;
-};
-
-class Waitset {
- public:
-  explicit Waitset(const Entity& participant)
-      : waitset_(dds_create_waitset(participant.get()), "waitset") {}
-  void attach(dds_entity_t condition) { dds_waitset_attach(waitset_.get(), condition, 0); }
-  // Returns when an attached condition is true, at the latest after the time-out.
-  void wait(std::int64_t timeout_ns) {
-    dds_waitset_wait(waitset_.get(), nullptr, 0, std::max<std::int64_t>(timeout_ns, 0));
-  }
-
- private:
-  Entity waitset_;
-};
-
-// Copies into a bounded string of a message, truncating.
-template <std::size_t N>
-void copy_text(char (&to)[N], std::string_view from) {
-  const std::size_t length = std::min(from.size(), N - 1);
-  std::copy_n(from.begin(), length, to);
-  to[length] = '\0';
-}
-
-// Cyclone never writes through a sample's pointers when it sends, but its C structs are not const.
-inline char* text(const char* s) { return const_cast<char*>(s); }
-
-// Makes a message's sequence a view of `items`, which must outlive the write.
-template <class Sequence, class Items>
-void view(Sequence& sequence, Items& items, std::size_t count) {
-  sequence._maximum = sequence._length = static_cast<std::uint32_t>(count);
-  sequence._buffer = count ? items.data() : nullptr;
-  sequence._release = false;
-}
 
 }  // namespace wb::dds

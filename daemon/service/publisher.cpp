@@ -149,7 +149,8 @@ void Publisher::publish_base(const RobotState& state) {
   odometry.child_frame_id_ = dds::text(kBaseFrame);
   odometry.pose_.pose_ = pose;
   odometry.twist_.twist_.linear_.x_ = state.base_velocity[0];
-  odometry.twist_.twist_.angular_.z_ = state.base_velocity[1];
+  odometry.twist_.twist_.linear_.y_ = state.base_velocity[1];
+  odometry.twist_.twist_.angular_.z_ = state.base_velocity[2];
   odometry_.write(odometry);
 
   std::array<dds::msg::TransformStamped, 1> transform{};

@@ -36,7 +36,8 @@ struct TruthContact {
 
 struct ServiceSnapshot {
   static constexpr int kMaxLoops = 8;
-  static constexpr int kMaxCounters = 32;
+  static constexpr int kMaxDriverCounters = 96;
+  static constexpr int kMaxCounters = 32 + kMaxDriverCounters;
   static constexpr int kMaxTruth = 16;
 
   std::uint64_t seq = 0;

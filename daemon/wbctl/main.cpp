@@ -1,6 +1,7 @@
 // wbctl: the daemon's command client. World: one ordinary thread, DDS only through Client; `replay`
-// needs neither. Exit code: 0 done, 1 refused or failed (or wrong usage, or a replay that differs),
-// 2 no daemon, no answer in time, or a file that cannot be replayed.
+// and `rt-test` need neither. Exit code: 0 done, 1 refused or failed (or wrong usage, or a replay
+// that differs), 2 no daemon, no answer in time, a file that cannot be replayed, or an rt-test that
+// says nothing.
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <csignal>
@@ -14,6 +15,7 @@
 #include "daemon/robot/robot_commands.hpp"
 #include "daemon/service/client.hpp"
 #include "daemon/wbctl/progress.hpp"
+#include "daemon/wbctl/rt_test.hpp"
 
 namespace wb {
 namespace {
@@ -27,6 +29,7 @@ struct Arguments {
   std::string object;
   double fraction = 0;
   std::string recording;
+  double seconds = 10;  // of rt-test
   RobotImportArguments robot_import;
   RobotCheckArguments robot_check;
 };
@@ -183,6 +186,7 @@ int run_status(const Arguments& arguments, Client& client) {
 
 int run(const std::string& verb, const Arguments& arguments) {
   if (verb == "replay") return replay_main(arguments.recording, arguments.json);
+  if (verb == "rt-test") return rt_test_main(arguments.seconds, arguments.json);
   const int domain = arguments.domain.value_or(domain_from_environment());
   Client client(domain, "wbctl");
   if (!client.wait_for_daemon(arguments.timeout_s)) {
@@ -222,6 +226,10 @@ int main(int argc, char** argv) {
   app.add_subcommand("replay", "run a recording's steps again and compare; needs no daemon")
       ->add_option("file", arguments.recording, "made by wholebodyd --record")
       ->required();
+  app.add_subcommand("rt-test", "how punctually this computer wakes a 400 Hz loop; needs no daemon")
+      ->add_option("--seconds", arguments.seconds, "how long to measure")
+      ->check(CLI::Range(0.1, 86400.0))
+      ->capture_default_str();
   CLI::App* robot = app.add_subcommand("robot", "import or check a robot; needs no daemon");
   robot->require_subcommand(1);
   wb::RobotImportArguments& imported = arguments.robot_import;

@@ -134,7 +134,8 @@ class Writer {
       if (robot.joints[i].name == joint) return config_.sim.joints[i].armature;
     }
     if (is_wheel(joint)) return config_.sim.wheels.armature;
-    return config_.sim.gripper.armature_kg;
+    const bool finger = std::count(robot.fingers.begin(), robot.fingers.end(), joint) > 0;
+    return finger ? config_.sim.gripper.armature_kg : 0.0;
   }
   bool is_wheel(const std::string& joint) const {
     const std::vector<std::string>& wheels = config_.robot.base.wheels;
@@ -167,7 +168,11 @@ class Writer {
     const auto colour = config_.sim.colours.find(link.name);
     out_ << rgba(colour == config_.sim.colours.end() ? config_.sim.colours.at("default")
                                                      : colour->second);
-    if (wheel || listed(config_.sim.castors.collisions)) {
+    if (wheel && config_.robot.base.kind == BaseKind::kOmnidirectional) {
+      // Smooth: Rollers adds what friction does.
+      out_ << " contype=\"0\" conaffinity=\"" << (bits::kFurniture | bits::kFloor)
+           << "\" priority=\"1\" solref=\"0.01 1\" condim=\"1\"";
+    } else if (wheel || listed(config_.sim.castors.collisions)) {
       // The higher priority lets the wheel's own friction count, not the floor's.
       out_ << " contype=\"0\" conaffinity=\"" << (bits::kFurniture | bits::kFloor)
            << "\" priority=\"1\" solref=\"0.01 1\" friction=\""
@@ -202,12 +207,23 @@ class Writer {
     return s.str();
   }
 
-  // The two fingers mirror each other, as a real parallel gripper's do.
+  // The two fingers mirror each other, as a real parallel gripper's do; mimic joints follow their
+  // masters.
   void write_equality() {
+    out_ << "<equality>\n";
     const std::vector<std::string>& fingers = config_.robot.fingers;
-    if (fingers.size() != 2) return;
-    out_ << "<equality><joint joint1=\"" << fingers[0] << "\" joint2=\"" << fingers[1]
-         << "\" polycoef=\"0 1 0 0 0\" solref=\"0.005 1\"/></equality>\n";
+    if (fingers.size() == 2) write_coupling(fingers[0], fingers[1], 0, 1);
+    for (const auto& [name, joint] : urdf_->joints_) {
+      if (joint->mimic && std::count(fingers.begin(), fingers.end(), name) == 0)
+        write_coupling(name, joint->mimic->joint_name, joint->mimic->offset,
+                       joint->mimic->multiplier);
+    }
+    out_ << "</equality>\n";
+  }
+  void write_coupling(const std::string& joint, const std::string& master, double offset,
+                      double multiplier) {
+    out_ << "<joint joint1=\"" << joint << "\" joint2=\"" << master << "\" polycoef=\"" << offset
+         << ' ' << multiplier << " 0 0 0\" solref=\"0.005 1\"/>\n";
   }
 
   void write_excludes() {

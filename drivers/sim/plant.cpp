@@ -52,6 +52,7 @@ Plant::Plant(const PluginConfig& config) {
   clearance_ = std::make_unique<Clearance>(*model_, *contacts_);
   place(config);
   servos_ = std::make_unique<Servos>(config, *model_, *data_);
+  rollers_ = std::make_unique<Rollers>(config, *model_);
   sensors_ = std::make_unique<Sensors>(config, *model_);
   settle();
 }
@@ -61,19 +62,25 @@ void Plant::place(const PluginConfig& config) {
     return data_->qpos + model_->jnt_qposadr[mj_name2id(model_.get(), mjOBJ_JOINT, joint.c_str())];
   };
   mj_forward(model_.get(), data_.get());
-  if (config.robot.base.kind != BaseKind::kFixed) {
-    const Spawn spawn = config.spawn ? *config.spawn : draw_spawn(config, *data_, *clearance_);
-    const double pose[7] = {spawn.x_m,
-                            spawn.y_m,
-                            0,
-                            std::cos(0.5 * spawn.yaw_rad),
-                            0,
-                            0,
-                            std::sin(0.5 * spawn.yaw_rad)};
+  const Spawn spawn = config.spawn ? *config.spawn : draw_spawn(config, *data_, *clearance_);
+  const double pose[7] = {
+      spawn.x_m, spawn.y_m, 0, std::cos(0.5 * spawn.yaw_rad), 0, 0, std::sin(0.5 * spawn.yaw_rad)};
+  if (config.robot.base.kind == BaseKind::kFixed) {  // welded to the floor: a body without a joint
+    std::copy_n(pose, 3, model_->body_pos + 3 * base_body_);
+    std::copy_n(pose + 3, 4, model_->body_quat + 4 * base_body_);
+  } else {
     std::copy_n(pose, 7, coordinate(config.robot.base.link));
   }
   for (std::size_t i = 0; i < config.robot.joints.size(); ++i)
     *coordinate(config.robot.joints[i].name) = config.posture[i];
+  // Mimic joints start where their masters put them: MuJoCo's equality would have to throw them
+  // there.
+  for (int i = 0; i < model_->neq; ++i) {
+    if (model_->eq_type[i] != mjEQ_JOINT) continue;
+    const double* c = model_->eq_data + mjNEQDATA * i;
+    data_->qpos[model_->jnt_qposadr[model_->eq_obj1id[i]]] =
+        c[0] + c[1] * data_->qpos[model_->jnt_qposadr[model_->eq_obj2id[i]]];
+  }
   for (const std::string& finger : config.robot.fingers)
     *coordinate(finger) = 0.5 * config.robot.gripper_opening_max_m;
   mj_forward(model_.get(), data_.get());
@@ -82,7 +89,9 @@ void Plant::place(const PluginConfig& config) {
 void Plant::settle() {
   for (TimeNs t = 0; t < kSettleNs; t += step_ns_) {
     servos_->apply(*data_, 0);
+    rollers_->apply(*model_, *data_);
     mj_step2(model_.get(), data_.get());
+    rollers_->take_loads(*model_, *data_);
     if (t + step_ns_ >= kSettleNs) sensors_->take_forces(*model_, *data_);
     mj_step1(model_.get(), data_.get());
   }
@@ -95,7 +104,9 @@ void Plant::settle() {
 
 void Plant::step() noexcept {
   servos_->apply(*data_, time_ns_);
+  rollers_->apply(*model_, *data_);
   mj_step2(model_.get(), data_.get());
+  rollers_->take_loads(*model_, *data_);
   time_ns_ += step_ns_;
   const bool sample = time_ns_ % Sensors::kPeriodNs == 0;
   if (sample) sensors_->take_forces(*model_, *data_);

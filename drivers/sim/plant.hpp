@@ -8,6 +8,7 @@
 #include "drivers/sim/clearance.hpp"
 #include "drivers/sim/contacts.hpp"
 #include "drivers/sim/mjcf.hpp"
+#include "drivers/sim/rollers.hpp"
 #include "drivers/sim/sensors.hpp"
 #include "drivers/sim/servos.hpp"
 
@@ -52,6 +53,7 @@ class Plant {
   TimeNs step_ns_ = 0;
   TimeNs time_ns_ = 0;
   std::unique_ptr<Servos> servos_;
+  std::unique_ptr<Rollers> rollers_;
   std::unique_ptr<Sensors> sensors_;
   std::unique_ptr<ContactLog> contacts_;
   std::unique_ptr<Clearance> clearance_;

@@ -73,7 +73,9 @@ wb_status describe(const wb_driver* driver, wb_description* out) {
     info.rate = camera.rate_hz;
     info.has_colour = driver->config.colour;
   }
-  out->has_imu = out->has_wrench = out->has_emergency_stop = out->can_step = 1;
+  out->has_emergency_stop = out->can_step = 1;
+  out->has_imu = !driver->config.sim.imu.empty();
+  out->has_wrench = !driver->config.sim.wrench_link.empty();
   out->has_gripper = !robot.fingers.empty();
   return WB_OK;
 }

@@ -13,6 +13,7 @@ using Eigen::Vector3d;
 using RowMatrix = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 int body_id(const mjModel& model, const std::string& link) {
+  if (link.empty()) return -1;
   const int id = mj_name2id(&model, mjOBJ_BODY, link.c_str());
   if (id < 0)
     throw config::ConfigError("sim.yaml names '" + link + "', which is no link of the URDF");
@@ -34,9 +35,12 @@ Sensors::Sensors(const PluginConfig& config, const mjModel& model)
 
 void Sensors::take_forces(const mjModel& model, mjData& data) noexcept {
   mj_rnePostConstraint(&model, &data);
-  double acceleration[6];  // rotation over translation, gravity's reaction included
-  mj_objectAcceleration(&model, &data, mjOBJ_XBODY, imu_body_, acceleration, 1);
-  std::copy_n(acceleration + 3, 3, acceleration_.begin());
+  if (imu_body_ >= 0) {
+    double acceleration[6];  // rotation over translation, gravity's reaction included
+    mj_objectAcceleration(&model, &data, mjOBJ_XBODY, imu_body_, acceleration, 1);
+    std::copy_n(acceleration + 3, 3, acceleration_.begin());
+  }
+  if (wrench_body_ < 0) return;
 
   // cfrc_int: what the parent exerts on the hand, about the whole robot's centre of mass. The
   // sensor shows its reaction.
@@ -61,8 +65,8 @@ void Sensors::take_state(const mjModel& model, const mjData& data, const Servos&
     joint.effort = data.ctrl[drives[i].u] + noise_.effort_nm * encoders_.gaussian();
     joint.valid = 1;
   }
-  double velocity[6];
-  mj_objectVelocity(&model, &data, mjOBJ_XBODY, imu_body_, velocity, 1);
+  double velocity[6] = {};
+  if (imu_body_ >= 0) mj_objectVelocity(&model, &data, mjOBJ_XBODY, imu_body_, velocity, 1);
   const double walk = noise_.gyro_walk_radps * std::sqrt(to_seconds(kPeriodNs));
   for (int i = 0; i < 3; ++i) {
     gyro_bias_[i] += walk * imu_.gaussian();
@@ -71,8 +75,8 @@ void Sensors::take_state(const mjModel& model, const mjData& data, const Servos&
     readings_.wrench.force[i] = wrench_E_[i] + noise_.wrench_n * wrench_.gaussian();
     readings_.wrench.torque[i] = wrench_E_[3 + i] + noise_.wrench_nm * wrench_.gaussian();
   }
-  readings_.imu.valid = 1;
-  readings_.wrench.valid = 1;
+  readings_.imu.valid = imu_body_ >= 0;
+  readings_.wrench.valid = wrench_body_ >= 0;
   if (has_gripper_) {
     readings_.gripper.opening =
         servos.gripper_opening(data) + noise_.gripper_m * gripper_.gaussian();

@@ -28,7 +28,8 @@ class Sensors {
 
  private:
   NoiseConfig noise_;
-  int imu_body_ = 0, wrench_body_ = 0, end_effector_body_ = 0;
+  int imu_body_ = -1, wrench_body_ = -1;  // -1: no such sensor
+  int end_effector_body_ = 0;
   bool has_gripper_ = false;
   Random encoders_, imu_, wrench_, gripper_;
   std::array<double, 3> gyro_bias_{};

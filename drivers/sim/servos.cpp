@@ -85,6 +85,10 @@ wb_status Servos::write(const wb_commands& commands, TimeNs now_ns) noexcept {
   if (!active_) return WB_BAD_STATE;
   if (timed_out()) return WB_TIMED_OUT;
   if (!finite(commands, drives_.size())) return WB_ERROR;
+  for (std::size_t i = 0; i < drives_.size(); ++i) {
+    const std::uint32_t own = is_wheel(i) ? WB_CMD_VELOCITY : WB_CMD_IMPEDANCE;
+    if (commands.joints[i].kind != own && commands.joints[i].kind != WB_CMD_NONE) return WB_ERROR;
+  }
   commands_ = commands;
   last_write_ns_ = now_ns;
   authority_ = Authority::kCommands;

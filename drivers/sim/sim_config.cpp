@@ -39,8 +39,10 @@ RobotSimConfig RobotSimConfig::load(const RobotConfig& robot) {
   const int step_us = root.integer("step_us", {100, 2500});
   if (2500 % step_us != 0) root.fail("step_us", "must divide 2500, the control period");
   sim.step_ns = step_us * TimeNs{1000};
-  sim.imu = root.text("imu");
-  sim.wrench_link = root.text("wrench_link");
+  const bool drives = robot.base.kind != BaseKind::kFixed;
+  // A base that drives needs one: its heading is the gyro's.
+  if (drives || root.has("imu")) sim.imu = root.text("imu");
+  if (root.has("wrench_link")) sim.wrench_link = root.text("wrench_link");
 
   const std::vector<double> armature = by_joint(root, "armature_kgm2", robot);
   const std::vector<double> stiffness = by_joint(root, "hold_nmprad", robot);
@@ -50,23 +52,36 @@ RobotSimConfig RobotSimConfig::load(const RobotConfig& robot) {
     sim.joints.push_back({armature[i], stiffness[i], damping[i], damped[i]});
   }
 
-  const Section wheels = root.section("wheels");
-  sim.wheels = {wheels.number("armature_kgm2", kNonNegative),
-                wheels.number("servo_nmsprad", kPositive), wheels.number("brake_nmprad", kPositive),
-                wheels.number("brake_nmsprad", kPositive), friction(wheels)};
-  wheels.finish();
-  const Section castors = root.section("castors");
-  sim.castors = {castors.texts("collisions"), friction(castors)};
-  castors.finish();
-  const Section gripper = root.section("gripper");
-  sim.gripper = {gripper.number("armature_kg", kNonNegative),
-                 gripper.number("servo_npm", kPositive),
-                 gripper.number("servo_nspm", kNonNegative),
-                 gripper.number("speed_mps", kPositive),
-                 gripper.number("force_max_n", kPositive),
-                 gripper.texts("pads"),
-                 friction(gripper)};
-  gripper.finish();
+  if (drives) {
+    const Section wheels = root.section("wheels");
+    sim.wheels.armature = wheels.number("armature_kgm2", kNonNegative);
+    sim.wheels.servo_damping = wheels.number("servo_nmsprad", kPositive);
+    sim.wheels.brake_stiffness = wheels.number("brake_nmprad", kPositive);
+    sim.wheels.brake_damping = wheels.number("brake_nmsprad", kPositive);
+    if (robot.base.kind == BaseKind::kOmnidirectional) {
+      sim.wheels.roller_slip_nspm = wheels.number("roller_slip_nspm", kPositive);
+      sim.wheels.roller_friction = wheels.number("roller_friction", kPositive);
+    } else {
+      sim.wheels.friction = friction(wheels);
+    }
+    wheels.finish();
+  }
+  if (root.has("castors")) {
+    const Section castors = root.section("castors");
+    sim.castors = {castors.texts("collisions"), friction(castors)};
+    castors.finish();
+  }
+  if (!robot.fingers.empty()) {
+    const Section gripper = root.section("gripper");
+    sim.gripper = {gripper.number("armature_kg", kNonNegative),
+                   gripper.number("servo_npm", kPositive),
+                   gripper.number("servo_nspm", kNonNegative),
+                   gripper.number("speed_mps", kPositive),
+                   gripper.number("force_max_n", kPositive),
+                   gripper.texts("pads"),
+                   friction(gripper)};
+    gripper.finish();
+  }
   const Section colours = root.section("colours");
   for (const std::string& link : colours.keys()) {
     const std::vector<double> rgb = colours.numbers(link, 3, config::kFraction);

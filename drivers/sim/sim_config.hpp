@@ -14,14 +14,18 @@
 
 namespace wb::sim {
 
-// Stiffness and damping that keep a joint where it is, and damping alone. Nm/rad, Nms/rad.
+// Stiffness and damping that keep a joint where it is, and damping alone. Nm/rad, Nms/rad; of a
+// prismatic joint N/m, Ns/m.
 struct JointSimConfig {
   double armature = 0, hold_stiffness = 0, hold_damping = 0, damped_damping = 0;
 };
 
 struct WheelSimConfig {
   double armature = 0, servo_damping = 0, brake_stiffness = 0, brake_damping = 0;
-  std::array<double, 3> friction{};  // sliding, spinning [m], rolling [m]
+  std::array<double, 3> friction{};  // sliding, spinning [m], rolling [m] of a differential drive
+  // Of mecanum wheels: force along a roller's axis for slip along it, and its limit as a fraction
+  // of the wheel's load.
+  double roller_slip_nspm = 0, roller_friction = 0;
 };
 
 struct CastorSimConfig {
@@ -35,10 +39,10 @@ struct GripperSimConfig {
   std::array<double, 3> friction{};
 };
 
-// sim.yaml beside robot.yaml.
+// sim.yaml beside robot.yaml. What the robot lacks stays empty.
 struct RobotSimConfig {
   TimeNs step_ns = 0;
-  std::string imu, wrench_link;
+  std::string imu, wrench_link;        // links; empty: no such sensor
   std::vector<JointSimConfig> joints;  // in the order of q
   WheelSimConfig wheels;
   CastorSimConfig castors;
@@ -58,7 +62,7 @@ struct PluginConfig {
   Scene scene;
   std::uint64_t seed = 0;
   std::optional<Spawn> spawn;   // none: drawn from the seed
-  std::vector<double> posture;  // q, rad
+  std::vector<double> posture;  // q, rad or m
   bool colour = false;
   bool render_thread = false;
 

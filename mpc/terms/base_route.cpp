@@ -39,7 +39,8 @@ class NoBaseRouteTerm final : public Term {
 
 }  // namespace
 
-std::unique_ptr<Term> make_base_route_term(const config::Section& section, const ModelPtr& model, WeightTable& weights) {
+std::unique_ptr<Term> make_base_route_term(const config::Section& section, const ModelPtr& model,
+                                           WeightTable& weights) {
   if (model->base_dof() == 0) {
     section.finish();
     return std::make_unique<NoBaseRouteTerm>();

@@ -28,17 +28,20 @@ void body_twist(const RobotModel& model, int frame, const RobotModel::Data& data
   // From the frame towards the base: a joint turns the velocities of all that lies beyond it, and
   // moves the frame's origin in the rotation of all that lies before it.
   const double* rates = u.data() + base_inputs;
+  const Eigen::Vector3d p_W = model.X_WF(frame, data).translation();
   Eigen::Vector3d beyond = Eigen::Vector3d::Zero(), beyond_angular = Eigen::Vector3d::Zero();
   for (int body = model.frame_body(frame); body > 0; body = model.parent(body)) {
-    const int c = base_dof + body - 1;
-    const Eigen::Vector3d axis = data.axis_W[body];
-    beyond += J.col(c).head<3>() * rates[body - 1];
-    beyond_angular += J.col(c).tail<3>() * rates[body - 1];
+    const int joint = model.joint_of(body), c = base_dof + joint;
+    const Eigen::Vector3d axis = model.ratio(body) * data.axis_W[body];
+    const Eigen::Vector3d lever =
+        model.prismatic(body) ? axis : axis.cross(p_W - data.X_WL[body].translation());
+    beyond += lever * rates[joint];
+    if (!model.prismatic(body)) beyond_angular += axis * rates[joint];
     const Eigen::Vector3d before_angular = out.V.tail<3>() - beyond_angular;
-    out.V_x.col(c).head<3>() = before_angular.cross(J.col(c).head<3>());
+    out.V_x.col(c).head<3>() += before_angular.cross(lever);
     if (model.prismatic(body)) continue;
     out.V_x.col(c).head<3>() += axis.cross(beyond);
-    out.V_x.col(c).tail<3>() = axis.cross(beyond_angular);
+    out.V_x.col(c).tail<3>() += axis.cross(beyond_angular);
   }
 }
 

@@ -1,6 +1,7 @@
-// End-effectors follow the poses of Reference::ee: 1/2 Qp |p - p_ref|^2 + 1/2 Qo |log(R_ref^T R)|^2, times the
-// reference's scales. The orientation error is in the end-effector's frame; it is smooth up to half
-// a turn, where it jumps. Source: Bloesch et al. 2016 (box-minus and its Jacobian).
+// End-effectors follow the poses of Reference::ee: 1/2 Qp |p - p_ref|^2 + 1/2 Qo |log(R_ref^T
+// R)|^2, times the reference's scales. The orientation error is in the end-effector's frame; it is
+// smooth up to half a turn, where it jumps. Source: Bloesch et al. 2016 (box-minus and its
+// Jacobian).
 #include <cmath>
 
 #include "mpc/terms/terms.hpp"
@@ -84,9 +85,9 @@ class EndEffectorTerm final : public Term {
 
 }  // namespace
 
-std::unique_ptr<Term> make_end_effector_term(const config::Section& section, const ModelPtr& model, WeightTable& weights) {
-  const int position =
-      weights.add(section, "end_effector", "position_pm2", config::kNonNegative);
+std::unique_ptr<Term> make_end_effector_term(const config::Section& section, const ModelPtr& model,
+                                             WeightTable& weights) {
+  const int position = weights.add(section, "end_effector", "position_pm2", config::kNonNegative);
   const int orientation =
       weights.add(section, "end_effector", "orientation_prad2", config::kNonNegative);
   section.finish();

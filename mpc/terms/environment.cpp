@@ -71,7 +71,8 @@ class EnvironmentTerm final : public Term {
 
 }  // namespace
 
-std::unique_ptr<Term> make_environment_term(const config::Section& section, const ModelPtr& model, WeightTable& weights) {
+std::unique_ptr<Term> make_environment_term(const config::Section& section, const ModelPtr& model,
+                                            WeightTable& weights) {
   if (model->spheres().size() > kMaxSpheres) {
     throw config::ConfigError(model->config().folder.string() +
                               "/robot.yaml: 'collision_spheres' holds " +

@@ -34,8 +34,7 @@ std::unique_ptr<Term> make_input_term(const config::Section& section, const Mode
                                       WeightTable& weights) {
   std::vector<int> indices;
   if (model->base_inputs() > 0) {
-    const int translation =
-        weights.add(section, "input", "base_velocity_s2pm2", config::kPositive);
+    const int translation = weights.add(section, "input", "base_velocity_s2pm2", config::kPositive);
     indices.resize(static_cast<std::size_t>(model->base_inputs()) - 1, translation);
     indices.push_back(weights.add(section, "input", "base_yaw_rate_s2prad2", config::kPositive));
   }

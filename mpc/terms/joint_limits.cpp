@@ -40,7 +40,8 @@ class JointLimitsTerm final : public Term {
 
 }  // namespace
 
-std::unique_ptr<Term> make_joint_limits_term(const config::Section& section, const ModelPtr& model, WeightTable& weights) {
+std::unique_ptr<Term> make_joint_limits_term(const config::Section& section, const ModelPtr& model,
+                                             WeightTable& weights) {
   RelaxedBarrier barrier;
   barrier.mu = section.number("mu", config::kPositive);
   barrier.reach = section.number("reach_rad", config::kPositive);

@@ -35,7 +35,8 @@ class PostureTerm final : public Term {
 
 }  // namespace
 
-std::unique_ptr<Term> make_posture_term(const config::Section& section, const ModelPtr& model, WeightTable& weights) {
+std::unique_ptr<Term> make_posture_term(const config::Section& section, const ModelPtr& model,
+                                        WeightTable& weights) {
   const int first = weights.add_list(section, "posture", "joint_position_prad2", model->joints(),
                                      config::kNonNegative);
   section.finish();

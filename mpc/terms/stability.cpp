@@ -23,8 +23,8 @@ class StabilityTerm final : public Term {
     const RobotModel::Data& data = node.kinematics;
     RobotModel::Subtrees subtrees;
     model_->subtrees(data, subtrees);
-    const Eigen::Vector3d p_B = data.X_WL[0].linear().transpose() *
-                                (subtrees.com_W[0] - data.X_WL[0].translation());
+    const Eigen::Vector3d p_B =
+        data.X_WL[0].linear().transpose() * (subtrees.com_W[0] - data.X_WL[0].translation());
     const Eigen::Vector2d d = p_B.head<2>() - centre_B_;
     const double z = 0.5 * (radius_ - d.squaredNorm() / radius_) - margin_;
     node.violation = std::max(node.violation, -z);
@@ -34,13 +34,13 @@ class StabilityTerm final : public Term {
     const Eigen::Vector3d slope_W =
         data.X_WL[0].linear() * Eigen::Vector3d(-d.x() / radius_, -d.y() / radius_, 0);
     StateVector gradient = StateVector::Zero(model_->nx());
-    for (int i = 1; i <= model_->joints(); ++i) {
-      const Eigen::Vector3d& axis = data.axis_W[i];
+    for (int i = 1; i < model_->bodies(); ++i) {
+      const Eigen::Vector3d axis = model_->ratio(i) * data.axis_W[i];
       const Eigen::Vector3d motion =
           model_->prismatic(i)
               ? axis
               : Eigen::Vector3d(axis.cross(subtrees.com_W[i] - data.X_WL[i].translation()));
-      gradient[model_->base_dof() + i - 1] =
+      gradient[model_->base_dof() + model_->joint_of(i)] +=
           subtrees.mass[i] / subtrees.mass[0] * slope_W.dot(motion);
     }
     quadratic->q += v.slope * gradient;

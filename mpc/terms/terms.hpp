@@ -12,17 +12,29 @@ namespace wb {
 
 using ModelPtr = std::shared_ptr<const RobotModel>;
 
-std::unique_ptr<Term> make_input_term(const config::Section& section, const ModelPtr& model, WeightTable& weights);
-std::unique_ptr<Term> make_end_effector_term(const config::Section& section, const ModelPtr& model, WeightTable& weights);
-std::unique_ptr<Term> make_twist_term(const config::Section& section, const ModelPtr& model, WeightTable& weights);
-std::unique_ptr<Term> make_wrench_term(const config::Section& section, const ModelPtr& model, WeightTable& weights);
-std::unique_ptr<Term> make_velocity_constraint_term(const config::Section& section, const ModelPtr& model, WeightTable& weights);
-std::unique_ptr<Term> make_posture_term(const config::Section& section, const ModelPtr& model, WeightTable& weights);
-std::unique_ptr<Term> make_base_route_term(const config::Section& section, const ModelPtr& model, WeightTable& weights);
-std::unique_ptr<Term> make_joint_limits_term(const config::Section& section, const ModelPtr& model, WeightTable& weights);
-std::unique_ptr<Term> make_velocity_limits_term(const config::Section& section, const ModelPtr& model, WeightTable& weights);
-std::unique_ptr<Term> make_self_collision_term(const config::Section& section, const ModelPtr& model, WeightTable& weights);
-std::unique_ptr<Term> make_environment_term(const config::Section& section, const ModelPtr& model, WeightTable& weights);
-std::unique_ptr<Term> make_stability_term(const config::Section& section, const ModelPtr& model, WeightTable& weights);
+std::unique_ptr<Term> make_input_term(const config::Section& section, const ModelPtr& model,
+                                      WeightTable& weights);
+std::unique_ptr<Term> make_end_effector_term(const config::Section& section, const ModelPtr& model,
+                                             WeightTable& weights);
+std::unique_ptr<Term> make_twist_term(const config::Section& section, const ModelPtr& model,
+                                      WeightTable& weights);
+std::unique_ptr<Term> make_wrench_term(const config::Section& section, const ModelPtr& model,
+                                       WeightTable& weights);
+std::unique_ptr<Term> make_velocity_constraint_term(const config::Section& section,
+                                                    const ModelPtr& model, WeightTable& weights);
+std::unique_ptr<Term> make_posture_term(const config::Section& section, const ModelPtr& model,
+                                        WeightTable& weights);
+std::unique_ptr<Term> make_base_route_term(const config::Section& section, const ModelPtr& model,
+                                           WeightTable& weights);
+std::unique_ptr<Term> make_joint_limits_term(const config::Section& section, const ModelPtr& model,
+                                             WeightTable& weights);
+std::unique_ptr<Term> make_velocity_limits_term(const config::Section& section,
+                                                const ModelPtr& model, WeightTable& weights);
+std::unique_ptr<Term> make_self_collision_term(const config::Section& section,
+                                               const ModelPtr& model, WeightTable& weights);
+std::unique_ptr<Term> make_environment_term(const config::Section& section, const ModelPtr& model,
+                                            WeightTable& weights);
+std::unique_ptr<Term> make_stability_term(const config::Section& section, const ModelPtr& model,
+                                          WeightTable& weights);
 
 }  // namespace wb

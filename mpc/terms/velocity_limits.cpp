@@ -40,7 +40,8 @@ class VelocityLimitsTerm final : public Term {
 
 }  // namespace
 
-std::unique_ptr<Term> make_velocity_limits_term(const config::Section& section, const ModelPtr& model, WeightTable& weights) {
+std::unique_ptr<Term> make_velocity_limits_term(const config::Section& section,
+                                                const ModelPtr& model, WeightTable& weights) {
   RelaxedBarrier barrier;
   barrier.mu = section.number("mu", config::kPositive);
   barrier.reach = section.number("reach_fraction", {1e-6, 1.0});

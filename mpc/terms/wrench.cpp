@@ -23,9 +23,9 @@ class WrenchTerm final : public Term {
         barrier_(barrier),
         margin_(margin),
         model_(std::move(model)) {
-    ancestors_.resize(model_->joints() + 1, 0);
-    for (int body = 1; body <= model_->joints(); ++body) {
-      ancestors_[body] = ancestors_[model_->parent(body)] | (1u << body);
+    ancestors_.resize(static_cast<std::size_t>(model_->bodies()), 0);
+    for (int body = 1; body < model_->bodies(); ++body) {
+      for (int b = body; b > 0; b = model_->parent(b)) ancestors_[body] |= 1u << b;
     }
   }
 
@@ -36,11 +36,15 @@ class WrenchTerm final : public Term {
     if (!active) return 0.0;
     RobotModel::Subtrees subtrees;
     model_->subtrees(node.kinematics, subtrees);
+    std::array<StaticTorque, kMaxJoints> torques;
+    for (int j = 0; j < model_->joints(); ++j) torques[j].gradient.setZero(model_->nx());
+    for (int body = 1; body < model_->bodies(); ++body)
+      add_static_torque(node, subtrees, body, quadratic != nullptr,
+                        torques[model_->joint_of(body)]);
     double cost = 0;
-    for (int i = 1; i <= model_->joints(); ++i) {
-      StaticTorque torque;
-      static_torque(node, subtrees, i, quadratic != nullptr, torque);
-      const double most = model_->limits(i - 1).torque;
+    for (int j = 0; j < model_->joints(); ++j) {
+      const StaticTorque& torque = torques[j];
+      const double most = model_->limits(j).torque;
       for (const double sign : {1.0, -1.0}) {
         const double z = 1.0 - sign * torque.value / most - margin_;
         node.violation = std::max(node.violation, -z);
@@ -59,13 +63,16 @@ class WrenchTerm final : public Term {
  private:
   bool carries(int body, int other) const { return ancestors_[other] & (1u << body); }
 
-  void static_torque(const Node& node, const RobotModel::Subtrees& subtrees, int i,
-                     bool with_gradient, StaticTorque& out) const noexcept {
+  // What body i asks of the joint that moves it.
+  void add_static_torque(const Node& node, const RobotModel::Subtrees& subtrees, int i,
+                         bool with_gradient, StaticTorque& out) const noexcept {
     const RobotModel::Data& data = node.kinematics;
-    const Eigen::Vector3d axis = data.axis_W[i], origin = data.X_WL[i].translation();
+    const Eigen::Vector3d axis = model_->ratio(i) * data.axis_W[i],
+                          origin = data.X_WL[i].translation();
     const Eigen::Vector3d weight(0, 0, kGravity * subtrees.mass[i]);  // what the motor holds up
     const bool slides = model_->prismatic(i);
-    Eigen::Vector3d load = slides ? weight : Eigen::Vector3d((subtrees.com_W[i] - origin).cross(weight));
+    Eigen::Vector3d load =
+        slides ? weight : Eigen::Vector3d((subtrees.com_W[i] - origin).cross(weight));
     std::array<Eigen::Vector3d, kMaxEndEffectors> p, f;
     std::array<bool, kMaxEndEffectors> pushed{};
     for (int k = 0; k < model_->end_effectors(); ++k) {
@@ -78,10 +85,9 @@ class WrenchTerm final : public Term {
       const Eigen::Map<const Eigen::Vector3d> moment(ee.wrench_W.data() + 3);
       load -= slides ? f[k] : Eigen::Vector3d((p[k] - origin).cross(f[k]) + moment);
     }
-    out.value = axis.dot(load);
+    out.value += axis.dot(load);
     if (!with_gradient) return;
 
-    out.gradient.setZero(model_->nx());
     // Of a rotation about `about` that carries joint i and all beyond it; forces stay as they are.
     const auto turned = [&](const Eigen::Vector3d& about) {
       double slope = about.cross(axis).dot(load);
@@ -93,20 +99,21 @@ class WrenchTerm final : public Term {
       return slope;
     };
     const int base = model_->base_dof();
-    if (base > 0) out.gradient[2] = turned(Eigen::Vector3d::UnitZ());
-    for (int j = 1; j <= model_->joints(); ++j) {
-      double& slope = out.gradient[base + j - 1];
+    if (base > 0) out.gradient[2] += turned(Eigen::Vector3d::UnitZ());
+    for (int j = 1; j < model_->bodies(); ++j) {
+      double& slope = out.gradient[base + model_->joint_of(j)];
+      const Eigen::Vector3d axis_j = model_->ratio(j) * data.axis_W[j];
       if (carries(j, i)) {
-        if (!model_->prismatic(j)) slope = turned(data.axis_W[j]);
+        if (!model_->prismatic(j)) slope += turned(axis_j);
       } else if (carries(i, j) && !slides) {
         // Joint j moves a part of what joint i carries.
         const auto motion = [&](const Eigen::Vector3d& point) {
-          return model_->prismatic(j) ? data.axis_W[j]
-                                      : Eigen::Vector3d(data.axis_W[j].cross(
-                                            point - data.X_WL[j].translation()));
+          return model_->prismatic(j)
+                     ? data.axis_W[j]
+                     : Eigen::Vector3d(data.axis_W[j].cross(point - data.X_WL[j].translation()));
         };
-        slope = axis.dot(motion(subtrees.com_W[j])
-                             .cross(Eigen::Vector3d(0, 0, kGravity * subtrees.mass[j])));
+        slope = axis.dot(
+            motion(subtrees.com_W[j]).cross(Eigen::Vector3d(0, 0, kGravity * subtrees.mass[j])));
         for (int k = 0; k < model_->end_effectors(); ++k) {
           if (pushed[k] && carries(j, model_->frame_body(model_->end_effector(k))))
             slope -= axis.dot(motion(p[k]).cross(f[k]));

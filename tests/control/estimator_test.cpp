@@ -86,7 +86,7 @@ TEST(Estimator, ArcMatchesTheClosedForm) {
     EXPECT_NEAR(d.state.base[1], v / w * (1 - std::cos(w * seconds)), midpoint_error + kRounding);
     EXPECT_NEAR(d.state.base[2], w * seconds, kRounding) << "continuous, not wrapped";
     EXPECT_NEAR(d.state.base_velocity[0], v, kRounding);
-    EXPECT_NEAR(d.state.base_velocity[1], w, kRounding);
+    EXPECT_NEAR(d.state.base_velocity[2], w, kRounding);
   }
 }
 
@@ -212,7 +212,7 @@ TEST(Estimator, WithoutImuTheWheelsGiveTheYaw) {
   d.r.imu_valid = false;
   d.move(0.5, 0.4, 2.0);
   EXPECT_NEAR(d.state.base[2], 0.8, kRounding);
-  EXPECT_NEAR(d.state.base_velocity[1], 0.4, kRounding);
+  EXPECT_NEAR(d.state.base_velocity[2], 0.4, kRounding);
 }
 
 TEST(Estimator, WheelsThatReportLateDoNotMakeTheBaseJump) {

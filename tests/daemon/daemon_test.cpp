@@ -1,9 +1,6 @@
 // Facts about wholebodyd as a process, commanded by wbctl as another: a drawer opens, streams of
 // plan and truth go out, the recording replays, requests and configurations that make no sense are
 // refused with a reason. Every wait is bounded.
-#include <fcntl.h>
-#include <signal.h>
-#include <sys/wait.h>
 #include <yaml-cpp/yaml.h>
 
 #include <cmath>
@@ -12,61 +9,19 @@
 #include <sstream>
 
 #include "daemon/service/dds.hpp"
+#include "tests/daemon/process.hpp"
 #include "tests/daemon/service_fixture.hpp"
 
 namespace wb {
 namespace {
 
 namespace fs = std::filesystem;
+using test::contents;
+using test::Process;
 
 // Bounds that only a failure reaches: a run takes half a minute on a slow machine, everything else
 // seconds.
-constexpr double kRunS = 200, kEndS = 30;
-
-std::string contents(const fs::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
-
-// A child process whose output goes to two files; killed if it outlives the test.
-class Process {
- public:
-  Process(std::vector<std::string> command, const fs::path& output) : output_(output) {
-    std::vector<char*> argv;
-    for (auto& a : command) argv.push_back(a.data());
-    argv.push_back(nullptr);
-    child_ = fork();
-    if (child_ != 0) return;
-    dup2(::open(out().c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDOUT_FILENO);
-    dup2(::open(err().c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDERR_FILENO);
-    execv(argv[0], argv.data());
-    _exit(127);
-  }
-  ~Process() {
-    if (child_ > 0) kill(child_, SIGKILL), waitpid(child_, nullptr, 0);
-  }
-  bool ended() {
-    if (child_ > 0 && waitpid(child_, &status_, WNOHANG) == child_) child_ = 0;
-    return child_ == 0;
-  }
-  // -1 if it did not end in time.
-  int exit_code(double timeout_s = kEndS) {
-    if (!wait_until([&] { return ended(); }, timeout_s)) return -1;
-    return WIFEXITED(status_) ? WEXITSTATUS(status_) : -1;
-  }
-  int terminate() {
-    if (child_ > 0) kill(child_, SIGTERM);
-    return exit_code();
-  }
-  fs::path out() const { return output_.string() + ".out"; }
-  fs::path err() const { return output_.string() + ".err"; }
-
- private:
-  fs::path output_;
-  pid_t child_ = 0;
-  int status_ = 0;
-};
+constexpr double kRunS = 200, kEndS = Process::kEndS;
 
 class Daemon : public ::testing::Test {
  protected:
@@ -200,6 +155,18 @@ TEST_F(Daemon, StampsInRealTimeAreRosTime) {
   // An offset taken against another epoch is wrong by the machine's uptime or by decades, a slow
   // delivery by less than this.
   EXPECT_LT(std::abs(behind_ns), 5 * kNanosPerSecond) << contents(running.err());
+  EXPECT_EQ(running.terminate(), 0) << contents(running.err());
+}
+
+TEST_F(Daemon, StatusShowsTheDriversCountersUnderTheirNames) {
+  Process running = daemon({}, WB_SOURCE_DIR "/config/wholebodyd_real_time.yaml");
+  Process status = wbctl({"status", "--json", "--timeout_s", "30"});
+  ASSERT_EQ(status.exit_code(2 * kEndS), 0) << contents(status.err()) << contents(running.err());
+  const YAML::Node counters = YAML::Load(contents(status.out()))["counters"];
+  for (const char* name : {"sim.failed_reads", "sim.failed_writes", "sim.joint_faults"}) {
+    ASSERT_TRUE(counters[name]) << name << " in " << contents(status.out());
+    EXPECT_EQ(counters[name].as<int>(), 0) << name;
+  }
   EXPECT_EQ(running.terminate(), 0) << contents(running.err());
 }
 

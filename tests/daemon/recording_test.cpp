@@ -17,7 +17,7 @@ using test::record_start;
 class Recording : public ::testing::Test {
  protected:
   void SetUp() override {
-    test::SimulatedRun run({.seed = 7});
+    test::SimulatedRun run(test::RunOptions{.seed = 7});
     run.record(file.path());
     run.reset();
     run.open("drawer_1");

@@ -27,7 +27,7 @@ class StreamTest : public ServiceTest {
     s.state.dq = {1.25, -1.5};
     s.state.tau = {10, -20};
     s.state.base = {1.5, -2.5, 2.0};
-    s.state.base_velocity = {0.5, -0.25};
+    s.state.base_velocity = {0.5, 0.125, -0.25};
     s.state.gripper_opening_m = 0.0625;
     s.state.gripper_force_n = 40;
     s.object = Name("drawer");
@@ -123,6 +123,7 @@ TEST_F(StreamTest, OdometryIsTheBaseInOdom) {
     EXPECT_NEAR(m.pose_.pose_.orientation_.z_, std::sin(1.0), kRotationTolerance);
     EXPECT_NEAR(m.pose_.pose_.orientation_.w_, std::cos(1.0), kRotationTolerance);
     EXPECT_EQ(m.twist_.twist_.linear_.x_, 0.5);
+    EXPECT_EQ(m.twist_.twist_.linear_.y_, 0.125);
     EXPECT_EQ(m.twist_.twist_.angular_.z_, -0.25);
   }));
 }

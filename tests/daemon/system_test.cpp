@@ -10,7 +10,7 @@ namespace {
 
 // Long enough for every loop to have delivered: policies, fields, a plan.
 std::uint64_t hash_of_run(std::uint64_t seed) {
-  test::SimulatedRun run({.seed = seed});
+  test::SimulatedRun run(test::RunOptions{.seed = seed});
   run.reset();
   run.open("drawer_1");
   run.run_for(1.5);
@@ -43,7 +43,7 @@ TEST(System, SameSeedGivesTheSameHashAgainAndInAnotherProcess) {
 TEST(System, AnotherSeedGivesAnotherHash) { EXPECT_NE(hash_of_run(7), hash_of_run(8)); }
 
 TEST(System, DropsNoRecordStateOrFrame) {
-  test::SimulatedRun run({.seed = 7});
+  test::SimulatedRun run(test::RunOptions{.seed = 7});
   run.reset();
   run.open("drawer_1");
   run.run_for(1.5);

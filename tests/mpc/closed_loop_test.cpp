@@ -84,7 +84,8 @@ TEST(ClosedLoop, MovingGoalIsTrackedAsADrawerIsPulled) {
   pull.ee[0].keyframes[1] = {from_seconds(6.0), reach(-0.4, 0, 0).ee[0].keyframes[0].X_WE};
   double worst = 0;
   loop.run(pull, nullptr, 7.0, [&] {
-    worst = std::max(worst, (loop.X_WE().translation() - sample(pull, loop.now()).ee[0].p_WE).norm());
+    worst =
+        std::max(worst, (loop.X_WE().translation() - sample(pull, loop.now()).ee[0].p_WE).norm());
   });
   EXPECT_LE(worst, 15e-3);  // the plant's lag alone is 50 ms x 0.08 m/s = 4 mm
 }

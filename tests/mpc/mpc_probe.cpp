@@ -81,11 +81,11 @@ void run(const char* name, const std::shared_ptr<const OptimalControlProblem>& p
       std::printf(" posture %.2f rad", (loop.x().tail(q.size()) - q).lpNorm<Eigen::Infinity>());
     }
     if (want.ee[0].active) {
-      std::printf(
-          " ee %6.2f mm %5.2f deg (worst %6.1f mm, within 10 mm from %5.2f s)",
-          1e3 * (X.translation() - want.ee[0].p_WE).norm(),
-          180 / std::numbers::pi * Eigen::AngleAxisd(want.ee[0].R_WE.transpose() * X.linear()).angle(),
-          1e3 * worst_p, settled_s);
+      std::printf(" ee %6.2f mm %5.2f deg (worst %6.1f mm, within 10 mm from %5.2f s)",
+                  1e3 * (X.translation() - want.ee[0].p_WE).norm(),
+                  180 / std::numbers::pi *
+                      Eigen::AngleAxisd(want.ee[0].R_WE.transpose() * X.linear()).angle(),
+                  1e3 * worst_p, settled_s);
     }
     if (want.has_base) {
       std::printf(

@@ -46,10 +46,10 @@ TEST(OptimalControlProblem, ConfigurationErrorsNameFileAndKey) {
       error_of(std::regex_replace(good, std::regex("reach_m:"), "reech_m:"));
   EXPECT_NE(unknown.find("mpc.yaml"), std::string::npos);
   EXPECT_NE(unknown.find("terms.self_collision.reach_m"), std::string::npos);
-  EXPECT_NE(
-      error_of(std::regex_replace(good, std::regex("coarse_step_s: [0-9.]+"), "coarse_step_s: 0.001"))
-          .find("nodes"),
-      std::string::npos);
+  EXPECT_NE(error_of(std::regex_replace(good, std::regex("coarse_step_s: [0-9.]+"),
+                                        "coarse_step_s: 0.001"))
+                .find("nodes"),
+            std::string::npos);
   EXPECT_NE(error_of(std::regex_replace(good, std::regex("mu_pm2: [0-9.]+"), "mu_pm2: -1"))
                 .find("allowed"),
             std::string::npos);
@@ -93,7 +93,9 @@ TEST(OptimalControlProblem, AnOmnidirectionalBasesTwoAxesShareLimitsAndWeight) {
   EXPECT_EQ(hardest[2], config.base.yaw_acceleration_max);
   Node node;
   const Reference reference;
+  const Weights weights = problem.weights().configured();
   node.reference = &reference;
+  node.weights = weights.values.data();
   node.x.setZero(problem.nx());
   const auto effort = [&](int row) {
     node.u.setZero(problem.nu());

@@ -114,6 +114,107 @@ TEST_P(RiccatiSizes, PredictedChangeIsThatOfTheQuadraticProblem) {
               kTolerance * (1.0 + std::abs(change)));
 }
 
+// The same with terms that couple x and u, and with equalities at every other stage.
+TEST_P(RiccatiSizes, EqualitiesAndCouplingSolveTheDenseProblem) {
+  const auto [nx, nu] = GetParam();
+  constexpr int kStages = 6, kRows = 2;
+  Lq lq = random_lq(nx, nu, kStages, 1e9, 5);
+  std::mt19937 random(6);
+  std::normal_distribution<double> normal;
+  for (int i = 0; i < kStages; ++i) {
+    LqStage& s = lq.stages[i];
+    s.cost.couple();
+    for (int k = 0; k < s.cost.P.size(); ++k) s.cost.P.data()[k] = 0.05 * normal(random);
+    if (i % 2) continue;
+    s.equality.set_zero(nx, nu);
+    s.equality.rows = kRows;
+    for (int r = 0; r < kRows; ++r) {
+      s.equality.e[r] = normal(random);
+      for (int c = 0; c < nx; ++c) s.equality.C(r, c) = normal(random);
+      for (int c = 0; c < nu; ++c) s.equality.D(r, c) = normal(random);
+    }
+  }
+  ASSERT_TRUE(solve_lq(lq.stages, lq.terminal, 0.0).finite);
+
+  const int xs = kStages * nx, us = kStages * nu;
+  const int rows = xs + kRows * kStages / 2;
+  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(xs + us, xs + us), E(rows, xs + us);
+  Eigen::VectorXd h(xs + us), e(rows);
+  const Eigen::VectorXd dx0 = Eigen::VectorXd::LinSpaced(nx, -1, 1);
+  E.setZero();
+  e.setZero();
+  int row = 0;
+  for (int i = 0; i < kStages; ++i) {
+    const LqStage& s = lq.stages[i];
+    const Quadratic& next = i + 1 < kStages ? lq.stages[i + 1].cost : lq.terminal;
+    const int u = xs + i * nu, before = (i - 1) * nx;
+    H.block(i * nx, i * nx, nx, nx) = next.Q;
+    h.segment(i * nx, nx) = next.q;
+    H.block(u, u, nu, nu) = s.cost.R;
+    h.segment(u, nu) = s.cost.r;
+    if (i == 0) {
+      h.segment(u, nu) += s.cost.P * dx0;
+    } else {
+      H.block(u, before, nu, nx) = s.cost.P;
+      H.block(before, u, nx, nu) = s.cost.P.transpose();
+    }
+    E.block(row, i * nx, nx, nx).setIdentity();
+    E.block(row, u, nx, nu) = -s.B;
+    if (i == 0) {
+      e.segment(row, nx) = s.A * dx0;
+    } else {
+      E.block(row, before, nx, nx) = -s.A;
+    }
+    row += nx;
+    for (int r = 0; r < s.equality.rows; ++r, ++row) {
+      E.block(row, u, 1, nu) = s.equality.D.row(r);
+      e[row] = -s.equality.e[r];
+      if (i == 0) {
+        e[row] -= s.equality.C.row(r).dot(dx0);
+      } else {
+        E.block(row, before, 1, nx) = s.equality.C.row(r);
+      }
+    }
+  }
+  Eigen::MatrixXd kkt = Eigen::MatrixXd::Zero(xs + us + rows, xs + us + rows);
+  kkt.topLeftCorner(xs + us, xs + us) = H;
+  kkt.topRightCorner(xs + us, rows) = E.transpose();
+  kkt.bottomLeftCorner(rows, xs + us) = E;
+  Eigen::VectorXd rhs(xs + us + rows);
+  rhs << -h, e;
+  const Eigen::VectorXd solution = kkt.fullPivLu().solve(rhs);
+  ASSERT_LE((kkt * solution - rhs).norm(), kTolerance * (1.0 + rhs.norm()));
+  // The rows are regularised by a part in 1e9 of their own size.
+  constexpr double kRowTolerance = 1e-6;
+  Eigen::VectorXd dx = dx0;
+  for (int i = 0; i < kStages; ++i) {
+    const LqStage& s = lq.stages[i];
+    const Eigen::VectorXd du = s.k + s.K * dx;
+    EXPECT_LE((du - solution.segment(xs + i * nu, nu)).norm(), kRowTolerance * (1.0 + du.norm()));
+    dx = s.A * dx + s.B * du;
+  }
+}
+
+TEST(RiccatiBox, EqualitiesHoldBesideTheBoxWhereBothCan) {
+  int bounded = 0;
+  for (unsigned seed = 0; seed < 50; ++seed) {
+    Lq lq = random_lq(6, 6, 1, 0.4, seed);
+    LqStage& s = lq.stages[0];
+    s.equality.set_zero(6, 6);
+    s.equality.rows = 1;
+    s.equality.D(0, 0) = 1;
+    s.equality.D(0, 3) = -1;  // two inputs move alike
+    ASSERT_TRUE(solve_lq(lq.stages, lq.terminal, 0.0).finite);
+    for (int i = 0; i < 6; ++i) {
+      EXPECT_GE(s.k[i], s.lower[i]);
+      EXPECT_LE(s.k[i], s.upper[i]);
+      bounded += s.k[i] == s.lower[i] || s.k[i] == s.upper[i];
+    }
+    EXPECT_NEAR(s.k[0], s.k[3], 1e-7);
+  }
+  EXPECT_GT(bounded, 20) << "the box is too wide to test anything";
+}
+
 INSTANTIATE_TEST_SUITE_P(CompiledInAndRunTime, RiccatiSizes,
                          testing::Values(std::pair{9, 8}, std::pair{6, 6}, std::pair{5, 3},
                                          std::pair{16, 15}),

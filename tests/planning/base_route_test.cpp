@@ -64,7 +64,7 @@ struct Rig {
             const DistanceField* field, TimeNs t0 = 7 * kNanosPerSecond) {
     reference.base_goal_active = true;
     reference.base_goal = goal;
-    route.plan(t0, from, velocity, field, reference);
+    route.plan(t0, from, {velocity[0], 0, velocity[1]}, field, reference);
   }
   const Base& at(int i) const { return reference.base[i].base; }
   Vector2 position(int i) const { return {at(i)[0], at(i)[1]}; }
@@ -138,6 +138,46 @@ void expect_at(const Base& pose, const Base& goal) {
 }
 
 const std::vector<Box> kTable = {{{0.6, -0.8}, {1.6, 0.8}}};
+
+// The omnidirectional base's: straight to where it must go, turning on the way.
+TEST(BaseRoute, AnOmnidirectionalBaseGoesSidewaysWhileItTurns) {
+  const RobotConfig robot = RobotConfig::load(WB_SOURCE_DIR "/config/robots/ridgeback_ur5");
+  BaseRoute route(robot.base, config::Section::open(robot.folder / "route.yaml"));
+  const Base goal = {0.4, 2.0, 1.2};
+  Reference reference;
+  reference.base_goal_active = true;
+  reference.base_goal = goal;
+  Base pose = {0, 0, 0};
+  std::array<double, 3> velocity{};
+  double off_line = 0;
+  for (int step = 0; step < 60; ++step) {
+    route.plan(step * from_seconds(kKeyframeS), pose, velocity, nullptr, reference);
+    std::array<double, 3> before = velocity;
+    for (int i = 0; i + 1 < reference.base_count; ++i) {
+      const Base &a = reference.base[i].base, &b = reference.base[i + 1].base;
+      const Vector2 v_B = Eigen::Rotation2Dd(-0.5 * (a[2] + b[2])) *
+                          Vector2((b[0] - a[0]) / kKeyframeS, (b[1] - a[1]) / kKeyframeS);
+      const std::array<double, 3> v = {v_B.x(), v_B.y(), (b[2] - a[2]) / kKeyframeS};
+      // Mean velocities of two intervals, seen from a base that turns between them.
+      const double turning = robot.base.yaw_rate_max * robot.base.velocity_max * kKeyframeS;
+      for (int k = 0; k < 3; ++k) {
+        const double fastest = k == 2 ? robot.base.yaw_rate_max : robot.base.velocity_max;
+        const double hardest =
+            k == 2 ? robot.base.yaw_acceleration_max : robot.base.acceleration_max;
+        ASSERT_LE(std::abs(v[k]), fastest + 1e-9);
+        ASSERT_LE(std::abs(v[k] - before[k]), hardest * kKeyframeS + (k == 2 ? 1e-9 : turning));
+      }
+      if (i == 0) velocity = v;
+      before = v;
+    }
+    pose = reference.base[1].base;
+    off_line = std::max(
+        off_line, std::abs(goal[1] * pose[0] - goal[0] * pose[1]) / std::hypot(goal[0], goal[1]));
+  }
+  EXPECT_LE(std::hypot(pose[0] - goal[0], pose[1] - goal[1]), 0.01);
+  EXPECT_LE(std::abs(wrap(pose[2] - goal[2])), 0.01);
+  EXPECT_LE(off_line, 0.1);
+}
 
 TEST(BaseRoute, LeadsStraightWithoutAMap) {
   Rig rig;

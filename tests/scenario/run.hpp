@@ -17,6 +17,7 @@ namespace wb::test {
 
 struct RunOptions {
   std::uint64_t seed = 1;
+  std::string robot = "mabi_mobile";
   std::string spawn = "random";                    // or {x_m, y_m, yaw_rad}
   std::string scene = "scenes/kitchen_line.yaml";  // in config/, or absolute
   std::vector<std::string> disabled_terms = {};
@@ -27,14 +28,15 @@ inline DaemonConfig run_config(const RunOptions& o) {
   DaemonConfig c =
       DaemonConfig::load(WB_SOURCE_DIR "/config/wholebodyd.yaml", WB_BUILD_DIR "/drivers");
   c.seed = o.seed;
-  c.drivers.at(0).config = "{robot: robots/mabi_mobile, scene: " + o.scene +
+  c.robot = WB_SOURCE_DIR "/config/robots/" + o.robot;
+  c.drivers.at(0).config = "{robot: robots/" + o.robot + ", scene: " + o.scene +
                            ", seed: " + std::to_string(o.seed) + ", spawn: " + o.spawn + "}";
   c.disabled_terms = o.disabled_terms;
   c.blind = o.blind;
   return c;
 }
 
-// The robot's true posture: the base, and every arm link in its parent.
+// Mabi-Mobile's true posture: the base, and every arm link in its parent.
 struct Posture {
   Eigen::Isometry3d X_SB;
   std::vector<Eigen::Matrix3d> R_parent_link;
@@ -59,8 +61,9 @@ inline Displacement between(const Posture& a, const Posture& b) {
 
 class SimulatedRun {
  public:
-  explicit SimulatedRun(const RunOptions& options = {})
-      : config_(run_config(options)),
+  explicit SimulatedRun(const RunOptions& options = {}) : SimulatedRun(run_config(options)) {}
+  explicit SimulatedRun(const DaemonConfig& config)
+      : config_(config),
         system_(config_,
                 [](wb_log_level level, const std::string& text) {
                   if (level >= WB_LOG_WARN) std::fprintf(stderr, "%s\n", text.c_str());

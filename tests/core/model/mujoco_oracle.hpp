@@ -41,7 +41,16 @@ class MujocoOracle {
     mju_zero(model_->dof_armature, model_->nv);
     set_inertias();
     data_.reset(mj_makeData(model_.get()));
-    for (const JointConfig& joint : config.joints) joints_.push_back(id(mjOBJ_JOINT, joint.name));
+    const urdf::ModelInterfaceSharedPtr urdf = read_urdf(config.urdf);
+    for (const JointConfig& joint : config.joints) {
+      followers_.push_back({{id(mjOBJ_JOINT, joint.name), 1, 0}});
+      for (const auto& [name, j] : urdf->joints_) {
+        if (j->mimic && j->mimic->joint_name == joint.name) {
+          followers_.back().push_back(
+              {id(mjOBJ_JOINT, name), j->mimic->multiplier, j->mimic->offset});
+        }
+      }
+    }
   }
 
   // The configuration x of `model`, joints moving at dq, the base at rest, everything else at zero.
@@ -54,9 +63,11 @@ class MujocoOracle {
     data_->qpos[1] = base > 0 ? x[1] : 0;
     data_->qpos[3] = std::cos(yaw / 2);
     data_->qpos[6] = std::sin(yaw / 2);
-    for (std::size_t i = 0; i < joints_.size(); ++i) {
-      data_->qpos[model_->jnt_qposadr[joints_[i]]] = x[base + i];
-      data_->qvel[dof(i)] = dq[i];
+    for (std::size_t i = 0; i < followers_.size(); ++i) {
+      for (const Follower& f : followers_[i]) {
+        data_->qpos[model_->jnt_qposadr[f.joint]] = f.multiplier * x[base + i] + f.offset;
+        data_->qvel[dof(f)] = f.multiplier * dq[i];
+      }
     }
     mj_forward(model_.get(), data_.get());
   }
@@ -77,31 +88,22 @@ class MujocoOracle {
     using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
     Rows linear(3, model_->nv), angular(3, model_->nv);
     mj_jacBody(model_.get(), data_.get(), linear.data(), angular.data(), id(mjOBJ_BODY, link));
-    std::vector<int> columns;
-    if (model.base_dof() > 0) columns = {0, 1, 5};  // of the free joint
-    for (std::size_t i = 0; i < joints_.size(); ++i) columns.push_back(dof(i));
-    Eigen::MatrixXd J(6, columns.size());
-    for (std::size_t i = 0; i < columns.size(); ++i) {
-      J.col(i) << linear.col(columns[i]), angular.col(columns[i]);
-    }
+    Eigen::MatrixXd full(6, model_->nv), J(6, model.nx());
+    full << linear, angular;
+    if (model.base_dof() > 0) J.leftCols(3) << full.col(0), full.col(1), full.col(5);
+    J.rightCols(model.joints()) = full * coupling();
     return J;
   }
 
   Eigen::MatrixXd mass_matrix() const {
     Eigen::MatrixXd full(model_->nv, model_->nv);
     mj_fullM(model_.get(), full.data(), data_->qM);
-    Eigen::MatrixXd M(joints_.size(), joints_.size());
-    for (std::size_t i = 0; i < joints_.size(); ++i) {
-      for (std::size_t j = 0; j < joints_.size(); ++j) M(i, j) = full(dof(i), dof(j));
-    }
-    return M;
+    return coupling().transpose() * full * coupling();
   }
 
   // c(q, dq) + g(q).
   Eigen::VectorXd bias() const {
-    Eigen::VectorXd out(joints_.size());
-    for (std::size_t i = 0; i < joints_.size(); ++i) out[i] = data_->qfrc_bias[dof(i)];
-    return out;
+    return coupling().transpose() * Eigen::Map<const Eigen::VectorXd>(data_->qfrc_bias, model_->nv);
   }
 
   // A contact between two links of the robot that robot.yaml does not exclude, or an empty text.
@@ -142,11 +144,24 @@ class MujocoOracle {
       if (axes.determinant() < 0) axes.col(2) *= -1;
       const Eigen::Quaterniond q(axes);
       const int body = id(mjOBJ_BODY, name);
+      model_->body_sameframe[body] = 0;  // its own axes may have been the body's, these are not
       Eigen::Map<Eigen::Vector3d>(model_->body_inertia + 3 * body) = solver.eigenvalues();
       Eigen::Map<Eigen::Vector4d>(model_->body_iquat + 4 * body) << q.w(), q.x(), q.y(), q.z();
     }
   }
-  int dof(std::size_t joint) const { return model_->jnt_dofadr[joints_[joint]]; }
+  struct Follower {  // a joint of MuJoCo's that one of the model's moves
+    int joint;
+    double multiplier, offset;
+  };
+  int dof(const Follower& f) const { return model_->jnt_dofadr[f.joint]; }
+  // MuJoCo's velocities for the model's joint velocities.
+  Eigen::MatrixXd coupling() const {
+    Eigen::MatrixXd G = Eigen::MatrixXd::Zero(model_->nv, followers_.size());
+    for (std::size_t i = 0; i < followers_.size(); ++i) {
+      for (const Follower& f : followers_[i]) G(dof(f), i) = f.multiplier;
+    }
+    return G;
+  }
   std::string link_of(int geom) const {
     return mj_id2name(model_.get(), mjOBJ_BODY, model_->geom_bodyid[geom]);
   }
@@ -154,7 +169,7 @@ class MujocoOracle {
   RobotConfig config_;
   std::unique_ptr<mjModel, Delete> model_;
   std::unique_ptr<mjData, Delete> data_;
-  std::vector<int> joints_;
+  std::vector<std::vector<Follower>> followers_;  // of each joint of the model; itself first
 };
 
 }  // namespace wb::test

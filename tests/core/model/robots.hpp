@@ -1,16 +1,32 @@
-// The robots that the model's tests run on: Mabi-Mobile, and a fixed tree with what it lacks
-// (branches, sliding joints, oblique axes, turned inertias). Setup world.
+// The robots that the model's tests run on: those of config/robots, and a fixed tree with what they
+// lack (branches, oblique axes, turned inertias, mimic joints). Setup world.
 #pragma once
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <random>
 #include <string>
+#include <vector>
 
 #include "core/model/robot_model.hpp"
 
 namespace wb::test {
+
+// Names of the folders in config/robots, sorted.
+inline std::vector<std::string> robot_names() {
+  std::vector<std::string> out;
+  for (const auto& entry : std::filesystem::directory_iterator(WB_SOURCE_DIR "/config/robots")) {
+    out.push_back(entry.path().filename());
+  }
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
+inline RobotConfig robot(const std::string& name) {
+  return RobotConfig::load(std::filesystem::path(WB_SOURCE_DIR "/config/robots") / name);
+}
 
 inline RobotConfig mabi_mobile() {
   return RobotConfig::load(WB_SOURCE_DIR "/config/robots/mabi_mobile");
@@ -48,10 +64,24 @@ inline RobotConfig tree() {
       << R"(<link name="right">)" << inertial << "</link>"
       << R"(<joint name="d" type="revolute"><parent link="slide"/><child link="right"/>
             <origin xyz="0 -0.3 0.1" rpy="0.2 0 0"/><axis xyz="-1 0 1"/>)"
+      << limit << "</joint>"
+      << R"(<link name="follower">)" << inertial << "</link>"
+      << R"(<joint name="e" type="revolute"><parent link="right"/><child link="follower"/>
+            <origin xyz="0.2 0.1 0" rpy="0 0.3 0"/><axis xyz="0 1 1"/>
+            <mimic joint="b" multiplier="-1.5" offset="0.2"/>)"
+      << limit << "</joint>"
+      << R"(<link name="spinner">)" << inertial << "</link>"
+      << R"(<joint name="f" type="continuous"><parent link="follower"/><child link="spinner"/>
+            <origin xyz="0 0.1 0.2" rpy="0.1 0 0.5"/><axis xyz="1 0 2"/>
+            <limit effort="10" velocity="3"/></joint>)"
+      << R"(<link name="slider">)" << inertial << "</link>"
+      << R"(<joint name="g" type="prismatic"><parent link="left_tip"/><child link="slider"/>
+            <origin xyz="0 0.1 0" rpy="0 0.3 0"/><axis xyz="0 1 0"/>
+            <mimic joint="c" multiplier="0.5" offset="-0.1"/>)"
       << limit << "</joint></robot>";
   std::filesystem::rename(own, config.urdf);
   config.base.link = "root";
-  for (const char* name : {"a", "b", "c", "d"}) config.joints.push_back({name, 5.0});
+  for (const char* name : {"a", "b", "c", "d", "f"}) config.joints.push_back({name, 5.0});
   config.end_effector = "left_tip";
   return config;
 }
@@ -64,7 +94,8 @@ inline StateVector random_state(const RobotModel& model, std::mt19937& random) {
   }
   for (int i = 0; i < model.joints(); ++i) {
     const JointLimits& l = model.limits(i);
-    x[model.base_dof() + i] = std::uniform_real_distribution(l.lower, l.upper)(random);
+    const double low = l.endless() ? -7.0 : l.lower, high = l.endless() ? 7.0 : l.upper;
+    x[model.base_dof() + i] = std::uniform_real_distribution(low, high)(random);
   }
   return x;
 }
