@@ -102,10 +102,26 @@ class Search {
         }
       }
     }
+    if (best.empty()) sample_readies(base_front_m, height, best);
     return best;
   }
 
  private:
+  // An arm with few joints reaches no given pose: the posture that comes nearest to being ready.
+  void sample_readies(double base_front_m, double height, std::vector<Ready>& best) {
+    for (int i = 0; i < options_.samples; ++i) {
+      const std::vector<double> q = sample(range_, random_, 0.1);
+      const RobotModel::Data data = arm_data(model_, q);
+      const Eigen::Isometry3d X = model_.X_WF(model_.end_effector(), data);
+      const double angle = std::acos(std::clamp(X.linear()(0, 2), -1.0, 1.0));
+      const double before = std::max(0.0, base_front_m + 0.15 - X.translation().x());
+      const double score = std::exp(-(before + std::abs(X.translation().y())) / 0.1 -
+                                    std::abs(X.translation().z() - height) / 0.3 - angle / 0.5);
+      if (!best.empty() && score <= best[0].score) continue;
+      if (holds(q)) best = {{q, score, angle}};
+    }
+  }
+
   static constexpr std::size_t kKeep = 8;
   static constexpr int kStarts = 5;
 

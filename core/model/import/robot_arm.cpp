@@ -19,9 +19,12 @@ const std::vector<std::vector<std::string>> kHands = {{"end_effector", "endeffec
                                                       {"hand", "gripper"},
                                                       {"flange"}};
 
+// By its name; or it slides, and moves with another that does.
 bool is_finger(const UrdfDocument& document, const UrdfJoint& j) {
-  if (j.mimic || contains_any(j.name, {"finger", "gripper", "knuckle", "jaw"})) return true;
-  return std::any_of(document.joints.begin(), document.joints.end(),
+  if (contains_any(j.name, {"finger", "gripper", "knuckle", "jaw"})) return true;
+  if (j.type != UrdfJoint::Type::kPrismatic) return false;
+  return j.mimic ||
+         std::any_of(document.joints.begin(), document.joints.end(),
                      [&](const UrdfJoint& o) { return o.mimic && o.mimic->joint == j.name; });
 }
 

@@ -75,13 +75,12 @@ class DummyChain {
     const UrdfLink& link = document_.link(name);
     return link.collisions.empty() && (!link.inertial || link.inertial->mass <= 1.0);
   }
-  void drop_above(const std::string& link) {
-    std::erase_if(document_.joints, [&](const UrdfJoint& j) {
-      return j.child == link || !document_.is_below(j.parent, link);
-    });
-    const UrdfDocument after = document_;
+  void drop_above(std::string link) {  // by value: the joints that may hold it go
+    const UrdfDocument before = document_;
+    std::erase_if(document_.joints,
+                  [&](const UrdfJoint& j) { return !before.is_below(j.parent, link); });
     std::erase_if(document_.links,
-                  [&](const UrdfLink& l) { return !after.is_below(l.name, link); });
+                  [&](const UrdfLink& l) { return !before.is_below(l.name, link); });
     document_.root = link;
   }
 

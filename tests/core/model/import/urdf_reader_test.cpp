@@ -84,8 +84,8 @@ TEST(UrdfDocument, FindsAPackagesMeshUnderTheNamedFolder) {
   std::filesystem::remove_all(alone);
   const Solid& solid = document.link("base").collisions.at(0).solid;
   EXPECT_EQ(solid.mesh.triangles.size(), 12u);
-  EXPECT_NEAR(solid.volume(), 0.4 * 0.3 * 0.2, 1e-7)  // meshes hold single precision
-  ;
+  // Meshes hold single precision.
+  EXPECT_NEAR(solid.volume(), 0.4 * 0.3 * 0.2, 1e-7);
 }
 
 TEST(UrdfDocument, IsTheSameAfterBeingWrittenAndReadAgain) {
