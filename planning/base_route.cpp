@@ -168,8 +168,8 @@ void BaseRoute::follow(TimeNs t0, std::array<double, 3> pose, std::array<double,
                        Reference& ref) const RT_SAFE {
   constexpr double kStep = 0.02;        // s, simulation
   constexpr int kStepsPerKeyframe = 5;  // 0.1 s
-  const double v_max = speed_factor_ * base_.velocity_max,
-               w_max = speed_factor_ * base_.yaw_rate_max;
+  const double factor = speed_factor_ * ref.speed_scale;
+  const double v_max = factor * base_.velocity_max, w_max = factor * base_.yaw_rate_max;
   const double a_max = 0.7 * base_.acceleration_max,
                b_max = 0.7 * base_.yaw_acceleration_max;  // the MPC needs some of it
   const Eigen::Vector2d goal = waypoint_[waypoints_ - 1];
