@@ -128,7 +128,7 @@ SafeCommand CommandGate::step(const Command& request, TimeNs now, double dt_s, M
   }
 
   GateReason reason = GateReason::kNone;
-  if (mode != Mode::kActive) {
+  if (mode != Mode::kActive && mode != Mode::kDegraded) {
     reason = GateReason::kMode;
   } else if (!right_size) {
     reason = GateReason::kWrongSize;

@@ -34,7 +34,8 @@ struct ControlOutput {
 // Counters since start; each fault has one.
 struct ControlCounters {
   std::uint64_t driver_faults = 0, invalid_readings = 0, stale_policies = 0, refused_requests = 0,
-                refused_commands = 0, scaled_commands = 0, emergency_stops = 0;
+                refused_commands = 0, scaled_commands = 0, emergency_stops = 0,
+                degraded_policies = 0;  // not of full quality, while a task ran
 };
 
 class Controller {
@@ -48,8 +49,13 @@ class Controller {
  private:
   void handle(const Request& request, const Readings& readings, ControlOutput& out) RT_SAFE;
   bool joints_measured(const Readings& readings) const RT_SAFE;  // wheels among them
-  void watch(const ControlInput& in,
-             bool policy_needed) RT_SAFE;  // enters HOLD or SETTLE on trouble
+  void watch(const ControlInput& in) RT_SAFE;  // enters DEGRADED, HOLD or SETTLE on trouble
+  void end_task() RT_SAFE;
+  void watch_quality(const Policy* policy) RT_SAFE;
+  bool task_running() const RT_SAFE { return task_runs(mode_, task_.phase); }
+  double speed() const RT_SAFE;  // of the task
+  // Carries the task on and hands over its Reference, at half speed in DEGRADED.
+  void carry_on(const ControlInput& in, double dt_s) RT_SAFE;
   void report(ControlOutput& out, std::uint64_t id, RequestOutcome outcome,
               std::string_view reason) RT_SAFE;
 
@@ -59,7 +65,7 @@ class Controller {
   TaskSequencer sequencer_;
   WholeBodyController wbc_;
   CommandGate gate_;
-  TimeNs policy_memory_ns_, reading_memory_ns_;
+  TimeNs policy_memory_ns_, degraded_memory_ns_, reading_memory_ns_;
   double status_rate_hz_;
 
   Mode mode_ = Mode::kIdle;
@@ -69,6 +75,12 @@ class Controller {
   Name trouble_;
   Request running_;
   TimeNs running_since_ = 0;
+  // The task's own clock: the daemon's, but half as fast in DEGRADED, so that nothing of the task
+  // jumps when it slows down.
+  TimeNs task_t_ = 0;
+  TimeNs policy_t_ = 0;       // of the policy that was judged last
+  TimeNs full_policy_t_ = 0;  // of the last one of full quality; before the first, the task's start
+  int bad_policies_ = 0;      // in a row
   TimeNs last_t_ = 0;
   TimeNs last_status_ = 0;
   bool reset_ = false;  // in this tick: faults of before do not count against it

@@ -63,6 +63,7 @@ void WholeBodyController::step(const WholeBodyInput& in, Command& out) RT_SAFE {
     for (int i = 0; i < base_dof; ++i) x[i] = s.base[i];
     for (int i = 0; i < n; ++i) x[base_dof + i] = s.q_command[i];
     if (!in.policy->evaluate(s.t_ns, x.data(), u.data(), x_ref.data())) u.fill(0.0);
+    for (double& rate : u) rate *= in.rate_scale;
   }
   JointVector dq(n);
   for (int i = 0; i < n; ++i) dq[i] = u[base_inputs + i];

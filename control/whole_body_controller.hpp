@@ -20,6 +20,7 @@ namespace wb {
 struct WholeBodyInput {
   const RobotState* state = nullptr;          // q_command: where the set-points stand
   const Policy* policy = nullptr;             // null: stand still
+  double rate_scale = 1.0;                    // of the policy's rates: keeps their direction
   bool held = false;                          // an object is in the hand
   Eigen::Vector3d free_direction_W{0, 0, 0};  // unit: the way the object moves (held only)
   GripperCommand gripper;

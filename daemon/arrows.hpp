@@ -23,13 +23,17 @@ struct Arrows {
   Queue<RobotState, 512> states_to_mapping;  // control -> mapping: 1.28 s of history
   Queue<RobotState, 512> states_to_perception;
   Latest<Policy, 2> policy;                          // MPC -> control (0), service (1)
-  Latest<DistanceField> field;                       // mapping -> MPC
+  Latest<DistanceField, 2> field;                    // mapping -> MPC (0), service (1)
+  Latest<MpcRecord> mpc;                             // MPC -> service
+  Latest<Reference> planned;                         // MPC -> service: solved for, with the route
   Latest<ObjectPlan> plan;                           // perception -> control
   Queue<DepthFrame, 16> frames;                      // driver ports -> mapping
   Queue<Request, kMaxRequests> requests_to_control;  // service ->
   Queue<Request, kMaxRequests> requests_to_perception;
+  Queue<Request, kMaxRequests> requests_to_mpc;
   Queue<RequestStatus, 256> statuses;  // control -> service
-  Latest<ServiceSnapshot> snapshot;    // control -> service
+  Queue<RequestStatus, 16> mpc_statuses;
+  Latest<ServiceSnapshot> snapshot;  // control -> service
 
   // What each step was handed, for the recorder.
   Queue<ControlRecord, 1024> control_records;

@@ -23,11 +23,17 @@ struct ControlRecord {
 };
 
 struct MpcRecord {
+  std::uint64_t seq = 0;
   TimeNs t_ns = 0;
   std::uint64_t state_seq = 0, reference_seq = 0, field_seq = 0;
   bool cold = false;  // first since control last stopped following: the warm start was forgotten
   std::uint64_t policy_seq = 0;  // of the result
+  Weights weights;               // that the step was handed
   SolveReport report;
+  // What the loop says of itself; no step was handed it, and no replay compares it.
+  TimeNs cpu_ns = 0;  // thread CPU time of the step
+  SolverCounters counters;
+  Trouble newest_trouble;
 };
 
 struct MappingRecord {

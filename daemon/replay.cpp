@@ -135,7 +135,7 @@ ReplayResult replay(const std::filesystem::path& file) {
       Policy& policy = policies.add(Policy{});
       SolveReport report;
       if (r.cold) planner.reset();
-      (void)planner.step(*state, *reference, field, policy, report);
+      (void)planner.step(*state, *reference, field, policy, report, &r.weights);
       policy.seq = r.policy_seq;
       ++m;
       progress = true;

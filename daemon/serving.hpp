@@ -1,5 +1,5 @@
 // Joins the DDS service to the system's arrows, and adds what only this edge needs: the plan as
-// hand poses, loops, the drivers' counters, truth. Ordinary threads: the service's, except where
+// hand poses, explanations, loops, counters, truth. Ordinary threads: the service's, except where
 // noted.
 #pragma once
 #include <atomic>
@@ -24,13 +24,16 @@ class Serving {
  private:
   const ServiceSnapshot* newest();
   void show_plan();  // hand poses over the newest policy's horizon
+  void show_mpc();
   void show_driver_counters();
+  bool explain(DaemonExplanation& out);  // of the newest policy; job, some milliseconds
 
   System& system_;
   const bool truth_;
   const std::function<void(ServiceSnapshot&)> add_loops_;
   ServiceSnapshot shown_;
   std::vector<std::uint64_t> driver_counts_;
+  std::uint64_t explained_ = 0;  // Policy::seq
   std::atomic<bool> started_{false};
   std::unique_ptr<Service> service_;  // last: its thread uses all of the above
 };

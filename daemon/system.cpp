@@ -1,5 +1,7 @@
 #include "daemon/system.hpp"
 
+#include <ctime>
+
 #include "perception/oracle_interpreter.hpp"
 
 namespace wb {
@@ -14,6 +16,12 @@ DepthFrame frame_prototype(const RobotConfig& robot) {
   f.depth.reserve(pixels);
   f.depth.resize(pixels);
   return f;
+}
+
+TimeNs thread_cpu_ns() {
+  timespec t;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return t.tv_sec * kNanosPerSecond + t.tv_nsec;
 }
 
 }  // namespace
@@ -76,6 +84,7 @@ std::vector<Loop> System::loops() {
 }
 
 bool System::submit(Request request) {
+  if (tunes(request.kind)) return arrows_.requests_to_mpc.push(request);
   if (request.kind == RequestKind::kOpen && !arrows_.requests_to_perception.push(request))
     return false;
   return arrows_.requests_to_control.push(request);
@@ -153,6 +162,7 @@ void System::fill_snapshot() {
   count("refused_commands", c.refused_commands);
   count("scaled_commands", c.scaled_commands);
   count("emergency_stops", c.emergency_stops);
+  count("degraded_policies", c.degraded_policies);
   count("dropped_frames", arrows_.frames.dropped());
   count("dropped_states", arrows_.states_to_mapping.dropped());
   count("dropped_records", arrows_.control_records.dropped() + arrows_.mpc_records.dropped() +
@@ -160,11 +170,42 @@ void System::fill_snapshot() {
   arrows_.snapshot.publish();
 }
 
+// Between two solves. The service has checked the request against the same table; what does not fit
+// it changes nothing.
+void System::take_tuning(TimeNs now) {
+  Request r;
+  while (arrows_.requests_to_mpc.pop(r)) {
+    const WeightTable& table = planner_.problem().weights();
+    Weights changed = weights_;
+    const Weights configured = table.configured();
+    const bool known = r.weight >= 0 && r.weight < changed.count;
+    if (known) {
+      changed.values[r.weight] =
+          r.kind == RequestKind::kTune ? r.value : configured.values[r.weight];
+    } else if (r.kind == RequestKind::kRevert) {
+      changed.values = configured.values;
+    }
+    RequestStatus status;
+    status.id = r.id;
+    status.t_ns = now;
+    if ((known || r.kind == RequestKind::kRevert) && table.accepts(changed)) {
+      ++changed.revision;
+      weights_ = mpc_record_.weights = changed;
+      tuned_ = true;
+      status.outcome = RequestOutcome::kSucceeded;
+    } else {
+      status.reason = Name("no such weight, or out of range");
+    }
+    arrows_.mpc_statuses.push(status);
+  }
+}
+
 void System::mpc_step(TimeNs now) {
   mpc_pending_ = false;
+  take_tuning(now);
   const RobotState* state = arrows_.state.read();
   const Reference* reference = arrows_.reference.read();
-  if (!state || !reference || state->mode != Mode::kActive) {
+  if (!state || !reference || !task_runs(state->mode, state->phase)) {
     following_ = false;
     return;
   }
@@ -178,14 +219,26 @@ void System::mpc_step(TimeNs now) {
   r.cold = !following_;
   following_ = true;
   if (r.cold) planner_.reset();
-  (void)planner_.step(*state, *reference, field, arrows_.policy.writing(), r.report);
+  r.weights = weights_;
+  const TimeNs before = thread_cpu_ns();
+  (void)planner_.step(*state, *reference, field, arrows_.policy.writing(), r.report, &r.weights);
+  r.cpu_ns = thread_cpu_ns() - before;
+  r.counters = planner_.counters();
+  if (r.report.trouble.kind != TroubleKind::kNone) r.newest_trouble = r.report.trouble;
+  arrows_.planned.writing() = planner_.expanded_reference();
   mpc_pending_ = true;
 }
 
 void System::mpc_deliver() {
-  if (!mpc_pending_) return;
-  mpc_record_.policy_seq = arrows_.policy.publish();
-  if (recording_) arrows_.mpc_records.push(mpc_record_);
+  if (mpc_pending_) {
+    mpc_record_.policy_seq = arrows_.policy.publish();
+    arrows_.planned.publish();
+    if (recording_) arrows_.mpc_records.push(mpc_record_);
+  }
+  if (!mpc_pending_ && !tuned_) return;
+  tuned_ = false;
+  arrows_.mpc.writing() = mpc_record_;
+  arrows_.mpc.publish();
 }
 
 void System::frames_step(TimeNs) {

@@ -25,12 +25,13 @@ class System {
 
   // control, mpc, frames, mapping, perception: the order in Lockstep at equal times.
   std::vector<Loop> loops();
-  // Steppable drivers, and the look at the simulator's truth: called by Lockstep, or, in real time, by
-  // the control loop before it reads.
+  // Steppable drivers, and the look at the simulator's truth: called by Lockstep, or, in real time,
+  // by the control loop before it reads.
   void advance(TimeNs t);
   void advance_in_control() { advance_in_control_ = true; }
 
-  // Hands a checked request to control (and perception); one thread. False: the queue is full.
+  // Hands a checked request to whom it concerns: the MPC loop, or control (and perception); one
+  // thread. False: the queue is full.
   bool submit(Request request);
   // Must be called before the loops run, when somebody drains the record queues; otherwise steps
   // are not recorded.
@@ -61,6 +62,7 @@ class System {
  private:
   void control_step(TimeNs now);
   void mpc_step(TimeNs now);
+  void take_tuning(TimeNs now);
   void mpc_deliver();
   void frames_step(TimeNs now);
   void mapping_step(TimeNs now);
@@ -93,7 +95,8 @@ class System {
   Opening opening_;
   // mpc
   MpcRecord mpc_record_;
-  bool mpc_pending_ = false, following_ = false;
+  Weights weights_ = planner_.problem().weights().configured();  // in force
+  bool mpc_pending_ = false, following_ = false, tuned_ = false;
   // frames
   std::uint64_t frame_seq_ = 0;
   int shoulder_camera_ = -1;

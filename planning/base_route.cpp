@@ -254,10 +254,15 @@ void BaseRoute::follow(TimeNs t0, std::array<double, 3> pose, std::array<double,
     }
     left = (goal - p).norm();
 
-    const std::array<double, 3> wish =
+    std::array<double, 3> wish =
         base_.kind == BaseKind::kOmnidirectional
             ? wish_of_omnidirectional(pose, target, left, ref.base_goal[2])
             : wish_of_unicycle(pose, target, left, arrived, ref.base_goal[2]);
+    // No faster than the reference allows.
+    const double slow = std::min(
+        1.0, ref.speed_scale * v_max_ / std::max(std::hypot(wish[0], wish[1]), 1e-9));
+    wish = {slow * wish[0], slow * wish[1],
+            std::clamp(wish[2], -ref.speed_scale * w_max_, ref.speed_scale * w_max_)};
     for (int i = 0; i < 3; ++i) {
       const double change = (i == 2 ? b_max_ : a_max_) * kStep;
       velocity[i] += std::clamp(wish[i] - velocity[i], -change, change);

@@ -40,8 +40,8 @@ void MotionPlanner::guess_from_route(const std::array<double, kMaxStates>& x0) R
 }
 
 SolveStatus MotionPlanner::step(const RobotState& state, const Reference& reference,
-                                const DistanceField* field, Policy& policy,
-                                SolveReport& report) RT_SAFE {
+                                const DistanceField* field, Policy& policy, SolveReport& report,
+                                const Weights* weights) RT_SAFE {
   reference_ = reference;
   if (route_ && reference_.base_goal_active)
     route_->plan(state.t_ns, state.base, state.base_velocity, field, reference_);
@@ -56,7 +56,8 @@ SolveStatus MotionPlanner::step(const RobotState& state, const Reference& refere
   const bool routed = route_ && reference_.base_goal_active && reference_.base_count > 1;
   if (routed) guess_from_route(x0);
   const SolveStatus status = solver_.solve(
-      {state.t_ns, x0.data(), &reference_, field, routed ? &guess_ : nullptr}, policy, report);
+      {state.t_ns, x0.data(), &reference_, field, routed ? &guess_ : nullptr, weights}, policy,
+      report);
   policy.reference_seq = reference.seq;
   policy.field_seq = field ? field->seq : 0;
   return status;

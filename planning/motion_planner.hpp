@@ -16,14 +16,16 @@ class MotionPlanner {
   MotionPlanner(std::shared_ptr<const RobotModel> model,
                 const std::vector<std::string>& disabled_terms = {});
 
+  // `weights`: null: as configured.
   [[nodiscard]] SolveStatus step(const RobotState& state, const Reference& reference,
-                                 const DistanceField* field, Policy& policy,
-                                 SolveReport& report) RT_SAFE;
+                                 const DistanceField* field, Policy& policy, SolveReport& report,
+                                 const Weights* weights = nullptr) RT_SAFE;
 
   // Forgets the warm start: call before the first step after control did not follow the policy.
   void reset() RT_SAFE { solver_.reset(); }
 
   const Reference& expanded_reference() const { return reference_; }  // with the route, for views
+  const SolverCounters& counters() const { return solver_.counters(); }
   const OptimalControlProblem& problem() const { return *problem_; }
 
  private:

@@ -5,6 +5,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "core/config/closest.hpp"
+
 namespace wb::config {
 namespace {
 
@@ -23,18 +25,6 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
   return row[b.size()];
 }
 
-std::string closest(const std::string& word, const std::vector<std::string>& candidates) {
-  std::string best;
-  std::size_t best_distance = std::max<std::size_t>(2, word.size() / 3) + 1;
-  for (const std::string& c : candidates) {
-    if (const std::size_t d = edit_distance(word, c); d < best_distance) {
-      best_distance = d;
-      best = c;
-    }
-  }
-  return best;
-}
-
 std::string where(const std::filesystem::path& file, const YAML::Node& node) {
   std::ostringstream out;
   out << file.string();
@@ -47,6 +37,18 @@ std::string scalar(const YAML::Node& node) {
 }
 
 }  // namespace
+
+std::string closest(const std::string& word, const std::vector<std::string>& candidates) {
+  std::string best;
+  std::size_t best_distance = std::max<std::size_t>(2, word.size() / 3) + 1;
+  for (const std::string& c : candidates) {
+    if (const std::size_t d = edit_distance(word, c); d < best_distance) {
+      best_distance = d;
+      best = c;
+    }
+  }
+  return best;
+}
 
 Section::Section(std::filesystem::path file, std::string name, YAML::Node node)
     : file_(std::move(file)),

@@ -6,11 +6,12 @@
 namespace wb {
 
 enum class Mode : std::uint8_t {
-  kIdle,    // drives inactive, readings only
-  kReady,   // drives active, standing still, waits for a command
-  kActive,  // carries out a command
-  kHold,    // trouble: stands still, keeps the grasp; leaves by reset
-  kSettle,  // trouble: base braked at once, joints slowed down and held; leaves by reset
+  kIdle,      // drives inactive, readings only
+  kReady,     // drives active, standing still, waits for a command
+  kActive,    // carries out a command
+  kDegraded,  // trouble: carries the command on at half speed, then stands still; leaves by reset
+  kHold,      // trouble: stands still, keeps the grasp; leaves by reset
+  kSettle,    // trouble: base braked at once, joints slowed down and held; leaves by reset
 };
 
 constexpr std::string_view to_string(Mode m) {
@@ -21,6 +22,8 @@ constexpr std::string_view to_string(Mode m) {
       return "ready";
     case Mode::kActive:
       return "active";
+    case Mode::kDegraded:
+      return "degraded";
     case Mode::kHold:
       return "hold";
     case Mode::kSettle:
@@ -64,6 +67,12 @@ constexpr std::string_view to_string(Phase p) {
       return "failed";
   }
   return "?";
+}
+
+// Whether a request is being carried out: only then the MPC plans and control follows its policies.
+constexpr bool task_runs(Mode m, Phase p) {
+  return (m == Mode::kActive || m == Mode::kDegraded) && p != Phase::kNone && p != Phase::kDone &&
+         p != Phase::kFailed;
 }
 
 }  // namespace wb

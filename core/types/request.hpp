@@ -10,7 +10,19 @@
 
 namespace wb {
 
-enum class RequestKind : std::uint8_t { kNone, kOpen, kStop, kReset, kMoveJoints, kMoveBase };
+enum class RequestKind : std::uint8_t {
+  kNone,
+  kOpen,
+  kStop,
+  kReset,
+  kMoveJoints,
+  kMoveBase,
+  kTune,    // sets a weight of the MPC; this and kRevert go to the MPC loop, the others to control
+  kRevert,  // a weight, or all, as configured
+};
+constexpr bool tunes(RequestKind kind) {
+  return kind == RequestKind::kTune || kind == RequestKind::kRevert;
+}
 
 struct Request {
   std::uint64_t id = 0;
@@ -21,6 +33,8 @@ struct Request {
   int joint_count = 0;         // kMoveJoints
   std::array<double, kMaxJoints> q{};  // kMoveJoints: rad or m
   std::array<double, 3> base{};        // kMoveBase: x, y [m], yaw [rad] in W
+  int weight = -1;                     // kTune, kRevert: index in Weights; kRevert: -1 for all
+  double value = 0;                    // kTune
 };
 
 // What became of a request; travels control -> service.

@@ -49,7 +49,45 @@ DaemonStatus from_wire(const dds::msg::Status& message) {
     const dds::msg::Counter& counter = message.counters_._buffer[i];
     status.counters.push_back({counter.name_, counter.count_});
   }
+  status.mpc_trouble = message.mpc_trouble_;
   return status;
+}
+
+DaemonExplanation from_wire(const dds::msg::Explanation& message) {
+  DaemonExplanation e;
+  e.stamp_ns = message.stamp_.sec_ * kNanosPerSecond + message.stamp_.nanosec_;
+  e.status = message.status_;
+  e.trouble = message.trouble_;
+  e.step = message.step_;
+  e.cpu_ms = message.cpu_ms_;
+  e.cost = message.cost_;
+  e.weights_revision = message.weights_revision_;
+  for (std::uint32_t i = 0; i < message.terms_._length; ++i) {
+    const dds::msg::TermPull& t = message.terms_._buffer[i];
+    e.terms.push_back({t.name_, t.cost_, t.share_, t.violation_, t.pull_});
+  }
+  for (std::uint32_t i = 0; i < message.competing_._length; ++i) {
+    const dds::msg::Competition& c = message.competing_._buffer[i];
+    e.competing.push_back({c.first_, c.second_, c.cosine_, c.text_});
+  }
+  return e;
+}
+
+DaemonTuning from_wire(const dds::msg::Tuning& message) {
+  DaemonTuning tuning;
+  tuning.revision = message.revision_;
+  for (std::uint32_t i = 0; i < message.weights_._length; ++i) {
+    const dds::msg::Weight& w = message.weights_._buffer[i];
+    tuning.weights.push_back({w.name_, w.value_, w.configured_, w.low_, w.high_});
+  }
+  return tuning;
+}
+
+template <class Value, class Message>
+std::optional<Value> take_newest(dds::Reader<Message>& reader) {
+  std::optional<Value> newest;
+  reader.take([&](const Message& message) { newest = from_wire(message); });
+  return newest;
 }
 
 using Clock = std::chrono::steady_clock;
@@ -73,6 +111,8 @@ struct Client::Impl {
         commands(participant, dds::kCommandTopic, dds::kCommandProfile),
         acknowledgements(participant, dds::kAckTopic, dds::kAckProfile),
         status(participant, dds::kStatusTopic, dds::kStreamProfile),
+        explanation(participant, dds::kExplanationTopic, dds::kLatchedProfile),
+        tuning(participant, dds::kTuningTopic, dds::kLatchedProfile),
         waitset(participant) {
     waitset.attach(acknowledgements.condition());
     waitset.attach(status.condition());
@@ -115,6 +155,8 @@ struct Client::Impl {
   dds::Writer<dds::msg::Command> commands;
   dds::Reader<dds::msg::CommandAck> acknowledgements;
   dds::Reader<dds::msg::Status> status;
+  dds::Reader<dds::msg::Explanation> explanation;
+  dds::Reader<dds::msg::Tuning> tuning;
   dds::Waitset waitset;
   std::vector<Sent> sent;
   std::deque<OperatorAck> received;
@@ -166,9 +208,13 @@ std::optional<OperatorAck> Client::take_acknowledgement() {
 }
 
 std::optional<DaemonStatus> Client::take_status() {
-  std::optional<DaemonStatus> newest;
-  impl_->status.take([&](const dds::msg::Status& message) { newest = from_wire(message); });
-  return newest;
+  return take_newest<DaemonStatus>(impl_->status);
+}
+std::optional<DaemonExplanation> Client::take_explanation() {
+  return take_newest<DaemonExplanation>(impl_->explanation);
+}
+std::optional<DaemonTuning> Client::take_tuning() {
+  return take_newest<DaemonTuning>(impl_->tuning);
 }
 
 const std::string& Client::id() const { return impl_->id; }

@@ -32,8 +32,10 @@ class Client {
   void wait(double timeout_s);
   // The oldest acknowledgement not yet taken, to whomever; none if there is none.
   std::optional<OperatorAck> take_acknowledgement();
-  // The newest status since the last call.
+  // The newest of each since the last call.
   std::optional<DaemonStatus> take_status();
+  std::optional<DaemonExplanation> take_explanation();
+  std::optional<DaemonTuning> take_tuning();
 
   const std::string& id() const;
 

@@ -7,15 +7,19 @@
 #include <sstream>
 #include <utility>
 
+#include "core/config/closest.hpp"
+
 namespace wb {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, RequestKind>, 5> kVerbs{{
+constexpr std::array<std::pair<std::string_view, RequestKind>, 7> kVerbs{{
     {"open", RequestKind::kOpen},
     {"stop", RequestKind::kStop},
     {"reset", RequestKind::kReset},
     {"move_joints", RequestKind::kMoveJoints},
     {"move_base", RequestKind::kMoveBase},
+    {"tune", RequestKind::kTune},
+    {"revert", RequestKind::kRevert},
 }};
 
 // A text from the wire, fit for an operator's terminal.
@@ -98,12 +102,51 @@ CheckedCommand check_base(const OperatorCommand& command, const CommandRules& ru
   return checked;
 }
 
+CheckedCommand unknown_weight(const std::string& name, const CommandRules& rules) {
+  const std::string term = name.substr(0, name.find('.'));
+  const bool tunable = std::any_of(rules.weights.begin(), rules.weights.end(),
+                                   [&](const auto& w) { return w.name.starts_with(term + "."); });
+  if (rules.terms.contains(term) && !tunable) {
+    return refuse(Refusal::kUnknownWeight, quoted(name),
+                  " cannot be tuned: limits and safety terms are fixed at start");
+  }
+  std::vector<std::string> known;
+  for (const WeightInfo& w : rules.weights) known.push_back(w.name);
+  const std::string guess = config::closest(name, known);
+  return refuse(Refusal::kUnknownWeight, "no weight ", quoted(name),
+                guess.empty() ? "; wbctl tune get lists them" : "; did you mean '" + guess + "'?");
+}
+
+CheckedCommand check_tuning(const OperatorCommand& command, const CommandRules& rules,
+                            RequestKind kind) {
+  CheckedCommand checked;
+  const std::size_t values = kind == RequestKind::kTune ? 1 : 0;
+  if (command.values.size() != values) {
+    return refuse(Refusal::kWrongCount, command.verb, " takes ", values, " values, got ",
+                  command.values.size());
+  }
+  if (kind == RequestKind::kRevert && command.object.empty()) return checked;
+  const auto weight = std::find_if(rules.weights.begin(), rules.weights.end(),
+                                   [&](const auto& w) { return w.name == command.object; });
+  if (weight == rules.weights.end()) return unknown_weight(command.object, rules);
+  checked.request.weight = static_cast<int>(weight - rules.weights.begin());
+  if (kind == RequestKind::kRevert) return checked;
+  const double value = command.values[0];
+  if (value < weight->low || value > weight->high) {
+    return refuse(Refusal::kOutOfRange, weight->name, " at ", value, " is outside ", weight->low,
+                  " .. ", weight->high);
+  }
+  checked.request.value = value;
+  return checked;
+}
+
 }  // namespace
 
 std::string_view to_string(Refusal refusal) {
   static constexpr std::array<std::string_view, kRefusalKinds> kNames{
-      "none",         "no client",   "unknown verb", "unknown object", "not finite",
-      "out of range", "wrong count", "stale",        "duplicate",      "busy"};
+      "none",           "no client",  "unknown verb", "unknown object",
+      "unknown weight", "not finite", "out of range", "wrong count",
+      "stale",          "duplicate",  "busy"};
   return kNames[static_cast<std::size_t>(refusal)];
 }
 
@@ -114,7 +157,7 @@ CheckedCommand check_command(const OperatorCommand& command, const CommandRules&
                                  [&](const auto& v) { return v.first == command.verb; });
   if (verb == kVerbs.end()) {
     return refuse(Refusal::kUnknownVerb, "no verb ", quoted(command.verb),
-                  "; known: open, stop, reset, move_joints, move_base");
+                  "; known: open, stop, reset, move_joints, move_base, tune, revert");
   }
   const RequestKind kind = verb->second;
   if (!finite(command)) return refuse(Refusal::kNotFinite, "a number is not finite");
@@ -132,6 +175,7 @@ CheckedCommand check_command(const OperatorCommand& command, const CommandRules&
   if (kind == RequestKind::kOpen) checked = check_open(command, rules);
   if (kind == RequestKind::kMoveJoints) checked = check_joints(command, rules);
   if (kind == RequestKind::kMoveBase) checked = check_base(command, rules);
+  if (tunes(kind)) checked = check_tuning(command, rules, kind);
   if (checked.refusal == Refusal::kNone) checked.request.kind = kind;
   return checked;
 }

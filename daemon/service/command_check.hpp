@@ -9,6 +9,7 @@
 #include "core/model/robot_model.hpp"
 #include "core/types/request.hpp"
 #include "daemon/service/operator_messages.hpp"
+#include "mpc/weight_table.hpp"
 
 namespace wb {
 
@@ -17,6 +18,7 @@ enum class Refusal : std::uint8_t {
   kNoClient,  // nobody to answer to
   kUnknownVerb,
   kUnknownObject,  // empty, or not in the list
+  kUnknownWeight,  // or one that cannot be tuned
   kNotFinite,      // a NaN or infinity anywhere
   kOutOfRange,
   kWrongCount,  // of values, for this verb and robot
@@ -24,12 +26,14 @@ enum class Refusal : std::uint8_t {
   kDuplicate,   // (client, request_id) was used before
   kBusy,        // the controller's queue is full
 };
-inline constexpr int kRefusalKinds = 10;
+inline constexpr int kRefusalKinds = 11;
 std::string_view to_string(Refusal refusal);
 
 struct CommandRules {
   std::set<std::string> objects;    // known names, each shorter than kMaxNameLength
   std::vector<JointLimits> joints;  // of the robot's q
+  std::vector<WeightInfo> weights;  // by index in Weights
+  std::set<std::string> terms;      // of the MPC; those without a weight above cannot be tuned
   bool mobile_base = true;
   double base_reach_m = 50.0;  // |x|, |y| of a base goal
   TimeNs age_max_ns = 2 * kNanosPerSecond;

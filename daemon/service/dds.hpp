@@ -11,7 +11,9 @@
 #include "tf2_msgs/msg/TFMessage.h"
 #include "wholebody_msgs/msg/Command.h"
 #include "wholebody_msgs/msg/CommandAck.h"
+#include "wholebody_msgs/msg/Explanation.h"
 #include "wholebody_msgs/msg/Status.h"
+#include "wholebody_msgs/msg/Tuning.h"
 
 namespace wb::dds {
 
@@ -25,6 +27,9 @@ using RosPose = geometry_msgs_msg_dds__Pose_;
 using TransformStamped = geometry_msgs_msg_dds__TransformStamped_;
 using LoopTiming = wholebody_msgs_msg_dds__LoopTiming_;
 using Counter = wholebody_msgs_msg_dds__Counter_;
+using TermPull = wholebody_msgs_msg_dds__TermPull_;
+using Competition = wholebody_msgs_msg_dds__Competition_;
+using Weight = wholebody_msgs_msg_dds__Weight_;
 }  // namespace msg
 
 WB_DDS_TOPIC_TYPE(diagnostic_msgs, DiagnosticArray)
@@ -35,16 +40,21 @@ WB_DDS_TOPIC_TYPE(std_msgs, Float64)
 WB_DDS_TOPIC_TYPE(tf2_msgs, TFMessage)
 WB_DDS_TOPIC_TYPE(wholebody_msgs, Command)
 WB_DDS_TOPIC_TYPE(wholebody_msgs, CommandAck)
+WB_DDS_TOPIC_TYPE(wholebody_msgs, Explanation)
 WB_DDS_TOPIC_TYPE(wholebody_msgs, Status)
+WB_DDS_TOPIC_TYPE(wholebody_msgs, Tuning)
 
 inline constexpr char kCommandTopic[] = "rt/wholebody/command";
 inline constexpr char kAckTopic[] = "rt/wholebody/acknowledgement";
 inline constexpr char kStatusTopic[] = "rt/wholebody/status";
+inline constexpr char kExplanationTopic[] = "rt/wholebody/explanation";
+inline constexpr char kTuningTopic[] = "rt/wholebody/tuning";
 
 inline constexpr Profile kCommandProfile{true, false, 10};
 // Deep enough that the outcome of one request is not pushed out by the refusals of another
 // client's.
 inline constexpr Profile kAckProfile{true, true, 32};
 inline constexpr Profile kStreamProfile{true, false, 1};
+inline constexpr Profile kLatchedProfile{true, true, 1};
 
 }  // namespace wb::dds

@@ -16,10 +16,11 @@ struct OperatorCommand {
   std::uint64_t request_id = 0;  // used once by a client
   std::string client;
   std::int64_t stamp_ns = 0;
-  std::string verb;            // open, stop, reset, move_joints, move_base
-  std::string object;          // open
+  std::string verb;            // open, stop, reset, move_joints, move_base, tune, revert
+  std::string object;          // open; tune, revert: the weight (revert: empty for all)
   double opened_fraction = 0;  // open: of the joint's range; 0 = the object's default
-  std::vector<double> values;  // move_joints: rad or m; move_base: x, y [m], yaw [rad] in W
+  std::vector<double> values;  // move_joints: rad or m; move_base: x, y [m], yaw [rad] in W;
+                               // tune: the value
 };
 
 struct OperatorAck {
@@ -53,6 +54,35 @@ struct DaemonStatus {
   double gripper_opening_m = 0;
   std::vector<Loop> loops;
   std::vector<Counter> counters;
+  std::string mpc_trouble;
+};
+
+// What the newest solve did, and which terms compete (mpc/explanation.hpp).
+struct DaemonExplanation {
+  struct Term {
+    std::string name;
+    double cost = 0, share = 0, violation = 0, pull = 0;
+  };
+  struct Competition {
+    std::string first, second;
+    double cosine = 0;
+    std::string text;
+  };
+  std::int64_t stamp_ns = 0;  // of the state that was solved from
+  std::string status, trouble;
+  double step = 0, cpu_ms = 0, cost = 0;
+  std::uint64_t weights_revision = 0;
+  std::vector<Term> terms;
+  std::vector<Competition> competing;
+};
+
+struct DaemonTuning {
+  struct Weight {
+    std::string name;
+    double value = 0, configured = 0, low = 0, high = 0;
+  };
+  std::uint64_t revision = 0;
+  std::vector<Weight> weights;
 };
 
 std::string_view to_string(RequestOutcome outcome);

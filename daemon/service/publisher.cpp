@@ -66,7 +66,9 @@ Publisher::Publisher(const dds::Entity& participant, const ServiceOptions& optio
       plan_(participant, "rt/plan", dds::kStreamProfile),
       diagnostics_(participant, "rt/diagnostics", {true, false, 10}),
       status_(participant, dds::kStatusTopic, dds::kStreamProfile),
-      acknowledgement_(participant, dds::kAckTopic, dds::kAckProfile) {
+      acknowledgement_(participant, dds::kAckTopic, dds::kAckProfile),
+      explanation_(participant, dds::kExplanationTopic, dds::kLatchedProfile),
+      tuning_(participant, dds::kTuningTopic, dds::kLatchedProfile) {
   for (const auto& name : options_.joint_names) joint_names_.push_back(dds::text(name.c_str()));
   for (const auto& name : options_.finger_names) joint_names_.push_back(dds::text(name.c_str()));
   if (options_.joint_names.size() > kMaxJoints || joint_names_.size() > kMaxNames) {
@@ -91,6 +93,7 @@ void Publisher::publish(std::uint64_t beat, const ServiceSnapshot& snapshot,
   }
   if (due(options_.plan_every) && snapshot.plan_count > 0) publish_plan(snapshot);
   if (due(options_.status_every)) publish_status(snapshot);
+  if (tuning_revision_ != snapshot.weights.revision) publish_tuning(snapshot);
   if (due(options_.diagnostics_every)) publish_diagnostics(snapshot, counts);
   if (due(options_.truth_every) && options_.truth) publish_truth(snapshot);
 }
@@ -211,6 +214,7 @@ void Publisher::publish_status(const ServiceSnapshot& snapshot) {
     counters[i].count_ = snapshot.counters[i].count;
   }
   dds::view(message.counters_, counters, counter_count);
+  dds::copy_text(message.mpc_trouble_, snapshot.mpc_trouble.data());
   status_.write(message);
 }
 
@@ -219,7 +223,8 @@ void Publisher::publish_diagnostics(const ServiceSnapshot& snapshot, const Comma
   const Mode mode = snapshot.state.mode;
   const bool trouble = mode == Mode::kHold || mode == Mode::kSettle;
   Diagnostics diagnostics;
-  diagnostics.status(trouble ? Level::kError : Level::kOk, "wholebody/mode", to_string(mode));
+  const Level level = trouble ? Level::kError : mode == Mode::kDegraded ? Level::kWarn : Level::kOk;
+  diagnostics.status(level, "wholebody/mode", to_string(mode));
   diagnostics.value("phase", to_string(snapshot.state.phase));
   const int counter_count = std::min(snapshot.counter_count, ServiceSnapshot::kMaxCounters);
   for (int i = 0; i < counter_count; ++i) {
@@ -244,6 +249,53 @@ void Publisher::publish_diagnostics(const ServiceSnapshot& snapshot, const Comma
     diagnostics.value("refused: " + std::string(to_string(refusal)), counts.of(refusal));
   }
   diagnostics.write(diagnostics_, header(snapshot.state.t_ns));
+}
+
+void Publisher::publish_tuning(const ServiceSnapshot& snapshot) {
+  const auto& infos = options_.rules.weights;
+  std::vector<dds::msg::Weight> weights(infos.size());
+  for (std::size_t i = 0; i < infos.size(); ++i) {
+    dds::copy_text(weights[i].name_, infos[i].name);
+    const bool tuned = snapshot.weights.count == static_cast<int>(infos.size());
+    weights[i].value_ = tuned ? snapshot.weights.values[i] : infos[i].configured;
+    weights[i].configured_ = infos[i].configured;
+    weights[i].low_ = infos[i].low;
+    weights[i].high_ = infos[i].high;
+  }
+  dds::msg::Tuning message{};
+  message.revision_ = snapshot.weights.revision;
+  dds::view(message.weights_, weights, weights.size());
+  if (tuning_.write(message)) tuning_revision_ = snapshot.weights.revision;
+}
+
+void Publisher::explain(const DaemonExplanation& e) {
+  std::vector<dds::msg::TermPull> terms(e.terms.size());
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    dds::copy_text(terms[i].name_, e.terms[i].name);
+    terms[i].cost_ = e.terms[i].cost;
+    terms[i].share_ = e.terms[i].share;
+    terms[i].violation_ = e.terms[i].violation;
+    terms[i].pull_ = e.terms[i].pull;
+  }
+  constexpr std::size_t kMost = 16;  // of the message
+  std::vector<dds::msg::Competition> competing(std::min(kMost, e.competing.size()));
+  for (std::size_t i = 0; i < competing.size(); ++i) {
+    dds::copy_text(competing[i].first_, e.competing[i].first);
+    dds::copy_text(competing[i].second_, e.competing[i].second);
+    competing[i].cosine_ = e.competing[i].cosine;
+    dds::copy_text(competing[i].text_, e.competing[i].text);
+  }
+  dds::msg::Explanation message{};
+  message.stamp_ = ros_time(e.stamp_ns);
+  dds::copy_text(message.status_, e.status);
+  dds::copy_text(message.trouble_, e.trouble);
+  message.step_ = e.step;
+  message.cpu_ms_ = e.cpu_ms;
+  message.cost_ = e.cost;
+  message.weights_revision_ = e.weights_revision;
+  dds::view(message.terms_, terms, std::min(kMost, terms.size()));
+  dds::view(message.competing_, competing, competing.size());
+  explanation_.write(message);
 }
 
 void Publisher::publish_truth(const ServiceSnapshot& snapshot) {

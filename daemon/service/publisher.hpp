@@ -22,6 +22,9 @@ class Publisher {
   // new one.
   void publish(std::uint64_t beat, const ServiceSnapshot& snapshot, const CommandCounts& counts);
 
+  // `explanation`'s stamp is the daemon's clock.
+  void explain(const DaemonExplanation& explanation);
+
   // Acknowledges to a client; `stamp_ns` is the daemon's clock.
   void acknowledge(std::uint64_t request_id, const std::string& client, TimeNs stamp_ns,
                    const RequestStatus& status, std::string_view reason);
@@ -34,6 +37,7 @@ class Publisher {
   void publish_plan(const ServiceSnapshot& snapshot);
   void publish_status(const ServiceSnapshot& snapshot);
   void publish_diagnostics(const ServiceSnapshot& snapshot, const CommandCounts& counts);
+  void publish_tuning(const ServiceSnapshot& snapshot);
   void publish_truth(const ServiceSnapshot& snapshot);
 
   const ServiceOptions options_;
@@ -47,6 +51,9 @@ class Publisher {
   dds::Writer<dds::msg::DiagnosticArray> diagnostics_;
   dds::Writer<dds::msg::Status> status_;
   dds::Writer<dds::msg::CommandAck> acknowledgement_;
+  dds::Writer<dds::msg::Explanation> explanation_;
+  dds::Writer<dds::msg::Tuning> tuning_;
+  std::optional<std::uint64_t> tuning_revision_;  // that went out last
   std::map<std::string, dds::Writer<dds::msg::Float64>, std::less<>> truth_joints_;
   std::optional<dds::Writer<dds::msg::DiagnosticArray>> truth_contacts_;  // only with --truth
 

@@ -42,8 +42,9 @@ OperatorCommand from_wire(const dds::msg::Command& message) {
 }
 
 std::int64_t beat_period_ns(const ServiceOptions& options) {
-  for (const int every : {options.state_every, options.status_every, options.plan_every,
-                          options.truth_every, options.diagnostics_every}) {
+  for (const int every :
+       {options.state_every, options.status_every, options.plan_every, options.truth_every,
+        options.explanation_every, options.diagnostics_every}) {
     if (every < 1) throw config::ConfigError("service: a stream goes out on every beat or rarer");
   }
   if (!(options.rate_hz >= 1 && options.rate_hz <= 1000)) {
@@ -84,6 +85,10 @@ struct Service::Impl {
       if (Clock::now() >= next) {
         if (const ServiceSnapshot* newest = ports.newest()) {
           publisher.publish(beat, *newest, counts);
+          if (beat % static_cast<std::uint64_t>(options.explanation_every) == 0 &&
+              ports.explain(explanation)) {
+            publisher.explain(explanation);
+          }
         }
         ++beat;
         next = std::max(next + period, Clock::now());  // beats that were missed are not made up
@@ -147,6 +152,7 @@ struct Service::Impl {
   Publisher publisher;
   dds::Reader<dds::msg::Command> commands;
   dds::Waitset waitset;
+  DaemonExplanation explanation;
   std::deque<Accepted> accepted;  // oldest first
   std::uint64_t next_id = 1;
   std::atomic<bool> stopping{false};

@@ -29,6 +29,7 @@ struct ServiceOptions {
   int status_every = 5;         // rt/wholebody/status: 20 Hz
   int plan_every = 10;          // rt/plan: 10 Hz
   int truth_every = 10;         // rt/truth/...: 10 Hz
+  int explanation_every = 50;   // rt/wholebody/explanation: 2 Hz, while a request runs
   int diagnostics_every = 100;  // rt/diagnostics: 1 Hz
 };
 
@@ -40,6 +41,8 @@ struct ServicePorts {
   std::function<bool(RequestStatus&)> take_status;  // false: none is waiting
   std::function<const ServiceSnapshot*()>
       newest;  // null before the first; valid until the next call
+  // False: nothing new to explain. May take some milliseconds.
+  std::function<bool(DaemonExplanation&)> explain;
 };
 
 class Service {

@@ -10,6 +10,7 @@
 #include "core/types/pose.hpp"
 #include "core/types/request.hpp"
 #include "core/types/robot_state.hpp"
+#include "core/types/weights.hpp"
 
 namespace wb {
 
@@ -53,6 +54,9 @@ struct ServiceSnapshot {
   std::array<LoopStatistics, kMaxLoops> loops{};
   int counter_count = 0;
   std::array<NamedCount, kMaxCounters> counters{};
+
+  Weights weights;                      // in force; count 0: as configured
+  std::array<char, 128> mpc_trouble{};  // newest, as text
 
   int truth_joint_count = 0;
   std::array<TruthJoint, kMaxTruth> truth_joints{};

@@ -14,6 +14,7 @@
 #include "daemon/replay.hpp"
 #include "daemon/robot/robot_commands.hpp"
 #include "daemon/service/client.hpp"
+#include "daemon/wbctl/mpc_report.hpp"
 #include "daemon/wbctl/progress.hpp"
 #include "daemon/wbctl/rt_test.hpp"
 
@@ -28,6 +29,9 @@ struct Arguments {
   std::optional<int> domain;
   std::string object;
   double fraction = 0;
+  std::string tune = "get";  // or set, revert
+  std::string weight;        // tune: its name; empty: all
+  double value = 0;          // tune set
   std::string recording;
   double seconds = 10;  // of rt-test
   RobotImportArguments robot_import;
@@ -167,7 +171,8 @@ int run_status(const Arguments& arguments, Client& client) {
   json.add("joint_value", status->joint_value).add("joint_range", status->joint_range);
   json.add("base", Json::array().push(status->base[0]).push(status->base[1]).push(status->base[2]));
   json.add("gripper_opening_m", status->gripper_opening_m).add("stamp_ns", status->stamp_ns);
-  json.add("loops", loops).add("counters", counters);
+  json.add("loops", loops).add("counters", counters).add("mpc_trouble", status->mpc_trouble);
+  if (!status->mpc_trouble.empty()) table += "\nmpc_trouble: " + status->mpc_trouble;
 
   std::string message = "mode      " + status->mode + "\nphase     " + status->phase;
   if (!status->outcome.empty()) {
@@ -184,6 +189,39 @@ int run_status(const Arguments& arguments, Client& client) {
   return report(arguments, json, message + line + table, kDone);
 }
 
+// What a latched topic holds; none if nothing came in time.
+template <class Value>
+std::optional<Value> latched(const Arguments& arguments, Client& client,
+                             std::optional<Value> (Client::*take)()) {
+  const auto start = SteadyClock::now();
+  std::optional<Value> value;
+  while (!(value = (client.*take)()) && seconds_since(start) < arguments.timeout_s) {
+    (void)client.take_status();
+    client.wait(0.1);
+  }
+  return value;
+}
+
+int run_explain(const Arguments& arguments, Client& client) {
+  const auto e = latched(arguments, client, &Client::take_explanation);
+  if (!e) return report_silence(arguments, "explain", "nothing has been planned yet");
+  return report(arguments, to_json(*e), to_text(*e), kDone);
+}
+
+int run_tune_get(const Arguments& arguments, Client& client) {
+  const auto tuning = latched(arguments, client, &Client::take_tuning);
+  if (!tuning) return report_silence(arguments, "tune", "wholebodyd sends no weights");
+  for (const auto& w : tuning->weights) {
+    if (arguments.weight.empty() || w.name == arguments.weight) {
+      return report(arguments, to_json(*tuning, arguments.weight),
+                    to_text(*tuning, arguments.weight), kDone);
+    }
+  }
+  const std::string reason = "no weight '" + arguments.weight + "'; wbctl tune get lists them";
+  return report(arguments, Json::object().add("outcome", "refused").add("reason", reason),
+                "wbctl: " + reason, kFailed);
+}
+
 int run(const std::string& verb, const Arguments& arguments) {
   if (verb == "replay") return replay_main(arguments.recording, arguments.json);
   if (verb == "rt-test") return rt_test_main(arguments.seconds, arguments.json);
@@ -195,6 +233,14 @@ int run(const std::string& verb, const Arguments& arguments) {
   if (verb == "status") return run_status(arguments, client);
   if (verb == "open") {
     std::signal(SIGINT, [](int) { interrupted = interrupted + 1; });
+  }
+  if (verb == "explain") return run_explain(arguments, client);
+  if (verb == "tune") {
+    if (arguments.tune == "get") return run_tune_get(arguments, client);
+    OperatorCommand command = client.command(arguments.tune == "set" ? "tune" : "revert");
+    command.object = arguments.weight;
+    if (arguments.tune == "set") command.values = {arguments.value};
+    return run_command(arguments, client, command);
   }
   OperatorCommand command = client.command(verb);
   command.object = arguments.object;
@@ -222,7 +268,21 @@ int main(int argc, char** argv) {
   open->add_option("--fraction", arguments.fraction, "how far, of its range; 0 = its default")
       ->check(CLI::Range(0.0, 1.0));
   app.add_subcommand("stop", "stop what the robot is doing and stand still");
-  app.add_subcommand("reset", "leave hold or settle");
+  app.add_subcommand("reset", "leave degraded, hold or settle");
+  app.add_subcommand("explain", "what the MPC's newest solve did, and which of its terms compete");
+  CLI::App* tune = app.add_subcommand("tune", "show or change the MPC's weights while it runs");
+  tune->require_subcommand(1);
+  tune->fallthrough();
+  const auto tuning = [&](const char* name, const char* what) {
+    CLI::App* sub = tune->add_subcommand(name, what);
+    sub->fallthrough();
+    return std::pair{sub, sub->add_option("name", arguments.weight, "as in mpc.yaml: term.key")};
+  };
+  tuning("get", "one weight, or all: value, configured, range");
+  const auto [set, set_name] = tuning("set", "a weight, from the next solve on");
+  set_name->required();
+  set->add_option("value", arguments.value, "within its range")->required();
+  tuning("revert", "one weight, or all, as configured");
   app.add_subcommand("replay", "run a recording's steps again and compare; needs no daemon")
       ->add_option("file", arguments.recording, "made by wholebodyd --record")
       ->required();
@@ -260,6 +320,7 @@ int main(int argc, char** argv) {
     imported.json = check.json = arguments.json;
     if (importing->parsed()) return wb::robot_import_main(imported);
     if (checking->parsed()) return wb::robot_check_main(check);
+    if (tune->parsed()) arguments.tune = tune->get_subcommands().front()->get_name();
     return wb::run(app.get_subcommands().front()->get_name(), arguments);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : wb::kFailed;

@@ -13,7 +13,8 @@ namespace {
 
 using namespace control_test;
 
-constexpr double kPolicyMemoryS = 0.25, kReadingMemoryS = 0.02;  // control.yaml
+constexpr double kPolicyMemoryS = 0.25, kReadingMemoryS = 0.02,
+                 kDegradedMemoryS = 0.5;  // control.yaml
 
 struct Rig {
   Rig() {
@@ -72,7 +73,7 @@ struct Rig {
     hash.add(state);
     hash.add(out.command);
     for (int i = 0; i < out.status_count; ++i) statuses.push_back(out.statuses[i]);
-    if (plant_runs && state.mode == Mode::kActive)
+    if (plant_runs && task_runs(state.mode, state.phase))
       plant.step(reference, out.command.get().gripper, t, kDt);
   }
   void run(double seconds) {
@@ -255,6 +256,166 @@ TEST(Controller, StalePolicyHoldsAndKeepsTheGrasp) {
       << "a reset does not let go either";
 }
 
+void degrade(Rig& rig) {
+  rig.policy.quality = PolicyQuality::kKept;
+  rig.run(2 * kDt);
+  rig.policy.quality = PolicyQuality::kFull;
+  ASSERT_EQ(rig.state.mode, Mode::kDegraded);
+}
+
+TEST(Degraded, TakesTwoPoliciesInARowThatAreNotOfFullQuality) {
+  for (const PolicyQuality bad : {PolicyQuality::kKept, PolicyQuality::kShortened}) {
+    Rig rig;
+    ASSERT_NO_FATAL_FAILURE(rig.get_ready());
+    rig.ask(RequestKind::kOpen);
+    rig.run(0.1);
+    for (int i = 0; i < 3; ++i) {  // one alone is none
+      rig.policy.quality = bad;
+      rig.step();
+      rig.policy.quality = PolicyQuality::kFull;
+      rig.step();
+    }
+    rig.policy.quality = bad;
+    rig.step();
+    rig.policy_flows = false;
+    rig.run(0.1);  // the same policy again is not a second one
+    EXPECT_EQ(rig.state.mode, Mode::kActive);
+    EXPECT_EQ(rig.controller.counters().degraded_policies, 4u);
+    rig.policy_flows = true;
+    rig.step();
+    EXPECT_EQ(rig.state.mode, Mode::kDegraded);
+    EXPECT_EQ(rig.controller.counters().degraded_policies, 5u);
+  }
+}
+
+TEST(Degraded, OpensTheObjectSlowlyAndThenTakesAReset) {
+  const auto seconds = [](bool degraded) {
+    Rig rig;
+    rig.get_ready();
+    const std::uint64_t open = rig.ask(RequestKind::kOpen);
+    rig.run_until(Phase::kManipulate);
+    if (degraded) degrade(rig);
+    const TimeNs from = rig.t;
+    double fastest = 0, last = rig.plant.unit.joint.value;
+    while (rig.state.phase == Phase::kManipulate && rig.t < from + 20 * kNanosPerSecond) {
+      rig.step();
+      fastest = std::max(fastest, (rig.plant.unit.joint.value - last) / kDt);
+      last = rig.plant.unit.joint.value;
+    }
+    // control.yaml: the set-point's speed along a drawer is 0.15 m/s.
+    EXPECT_NEAR(fastest, degraded ? 0.075 : 0.15, 1e-3);
+    const double pull_s = to_seconds(rig.t - from);
+    rig.run(10.0);
+    rig.expect(open, RequestOutcome::kSucceeded, "");
+    EXPECT_EQ(rig.state.mode, degraded ? Mode::kDegraded : Mode::kReady);
+    EXPECT_EQ(rig.state.phase, Phase::kNone);
+    expect_still(rig.out.command.get());
+    if (degraded) {
+      const std::uint64_t refused = rig.ask(RequestKind::kOpen);
+      rig.step();
+      rig.expect(refused, RequestOutcome::kRefused, "not ready: reset first");
+      rig.get_ready();
+    }
+    return pull_s;
+  };
+  const double fast = seconds(false), slow = seconds(true);
+  EXPECT_NEAR(slow, 2 * fast, 0.02 * fast);
+}
+
+TEST(Degraded, HalvesTheReferencesSpeedAndMovesNoKeyframe) {
+  Rig rig;
+  ASSERT_NO_FATAL_FAILURE(rig.get_ready());
+  rig.ask(RequestKind::kOpen);
+  ASSERT_NO_FATAL_FAILURE(rig.run_until(Phase::kGrasp));
+  rig.run(0.2);
+  ASSERT_EQ(rig.reference.speed_scale, 1.0);
+  Eigen::Vector3d last = IdealPlant::sample(rig.reference, rig.t).translation();
+  rig.policy.quality = PolicyQuality::kKept;
+  for (int i = 0; i < 40; ++i) {
+    rig.step();
+    const Eigen::Vector3d now = IdealPlant::sample(rig.reference, rig.t).translation();
+    // control.yaml: the hand goes to the bar at 0.12 m/s.
+    EXPECT_NEAR((now - last).norm() / kDt, i < 2 ? 0.12 : 0.06, 1e-6) << i;
+    last = now;
+  }
+  ASSERT_EQ(rig.state.mode, Mode::kDegraded);
+  EXPECT_EQ(rig.reference.speed_scale, 0.5);
+}
+
+TEST(Degraded, HalvesTheRatesOfAKeptPolicyAlongTheirPathWithoutAJump) {
+  Rig rig;
+  rig.plant_runs = false;
+  rig.policy.u(0).setConstant(0.1);
+  ASSERT_NO_FATAL_FAILURE(rig.get_ready());
+  rig.ask(RequestKind::kOpen);
+  rig.run(0.5);
+  Command last = rig.out.command.get();
+  ASSERT_NEAR(last.joints[0].velocity, 0.1, 1e-9);
+  rig.policy.quality = PolicyQuality::kKept;
+  for (int i = 0; i < 100; ++i) {
+    rig.step();
+    const Command& c = rig.out.command.get();
+    for (int j = 0; j < c.joint_count; ++j) {
+      EXPECT_NEAR(c.joints[j].velocity, c.joints[0].velocity, 1e-9) << "one path";
+      EXPECT_LE(std::abs(c.joints[j].velocity - last.joints[j].velocity),
+                mabi()->limits(j).acceleration * kDt + 1e-9);
+    }
+    last = c;
+  }
+  EXPECT_NEAR(last.joints[0].velocity, 0.05, 1e-9);
+  rig.policy.quality = PolicyQuality::kFull;  // the MPC plans it slowly itself
+  rig.run(0.5);
+  EXPECT_NEAR(rig.out.command.get().joints[0].velocity, 0.1, 1e-9);
+}
+
+TEST(Degraded, WithoutAFullPolicyForTooLongHoldsAndFailsTheRequest) {
+  Rig rig;
+  ASSERT_NO_FATAL_FAILURE(rig.get_ready());
+  const std::uint64_t open = rig.ask(RequestKind::kOpen);
+  rig.run(0.5);
+  rig.policy.quality = PolicyQuality::kKept;
+  rig.run(kDegradedMemoryS - kDt);
+  EXPECT_EQ(rig.state.mode, Mode::kDegraded);
+  EXPECT_EQ(rig.status(open).outcome, RequestOutcome::kRunning);
+  rig.run(3 * kDt);
+  EXPECT_EQ(rig.state.mode, Mode::kHold);
+  rig.expect(open, RequestOutcome::kFailed, "no policy of full quality");
+  rig.policy.quality = PolicyQuality::kFull;
+  rig.run(0.5);
+  EXPECT_EQ(rig.state.mode, Mode::kHold);
+  expect_still(rig.out.command.get());
+}
+
+TEST(Degraded, StillNeedsYoungPolicies) {
+  Rig rig;
+  ASSERT_NO_FATAL_FAILURE(rig.get_ready());
+  const std::uint64_t open = rig.ask(RequestKind::kOpen);
+  rig.run(0.1);
+  ASSERT_NO_FATAL_FAILURE(degrade(rig));
+  rig.step();
+  rig.policy_flows = false;
+  rig.run(kPolicyMemoryS + 3 * kDt);
+  EXPECT_EQ(rig.state.mode, Mode::kHold);
+  rig.expect(open, RequestOutcome::kFailed, "policy too old");
+}
+
+TEST(Degraded, StopEndsTheTaskAndLeavesTheModeToTheReset) {
+  Rig rig;
+  ASSERT_NO_FATAL_FAILURE(rig.get_ready());
+  const std::uint64_t open = rig.ask(RequestKind::kOpen);
+  rig.run(0.1);
+  ASSERT_NO_FATAL_FAILURE(degrade(rig));
+  const std::uint64_t reset = rig.ask(RequestKind::kReset);
+  rig.step();
+  rig.expect(reset, RequestOutcome::kRefused, "busy: stop first");
+  rig.ask(RequestKind::kStop);
+  rig.step();
+  rig.expect(open, RequestOutcome::kFailed, "stopped");
+  EXPECT_EQ(rig.state.mode, Mode::kDegraded);
+  EXPECT_EQ(rig.state.phase, Phase::kNone);
+  ASSERT_NO_FATAL_FAILURE(rig.get_ready());
+}
+
 struct Fault {
   const char* name;
   const char* reason;
@@ -324,6 +485,18 @@ TEST_P(ControllerFault, InHoldGoesOnToSettle) {
   rig.disturb = GetParam().disturb;
   rig.step();
   EXPECT_EQ(rig.state.mode, Mode::kSettle);
+}
+
+TEST_P(ControllerFault, InDegradedGoesOnToSettle) {
+  Rig rig;
+  ASSERT_NO_FATAL_FAILURE(rig.get_ready());
+  const std::uint64_t open = rig.ask(RequestKind::kOpen);
+  rig.run(0.1);
+  ASSERT_NO_FATAL_FAILURE(degrade(rig));
+  rig.disturb = GetParam().disturb;
+  rig.step();
+  EXPECT_EQ(rig.state.mode, Mode::kSettle);
+  rig.expect(open, RequestOutcome::kFailed, GetParam().reason);
 }
 
 TEST_P(ControllerFault, InTheTickOfTheRequestFailsIt) {

@@ -112,6 +112,33 @@ TEST_F(Recording, WithARecordOfUnknownTypeOrSizeIsRefused) {
   }
 }
 
+TEST(TunedRecording, ReplaysBitForBit) {
+  const test::RecordingFile file;
+  test::SimulatedRun run({.seed = 7});
+  run.record(file.path());
+  run.reset();
+  run.open("drawer_1");
+  run.run_for(0.5);
+  run.tune("input.base_velocity_s2pm2", 30);
+  run.run_for(0.5);
+  run.stop_recording();
+  ASSERT_EQ(run.system().solve_report().weights_revision, 1u);
+  const ReplayResult result = replay(file.path());
+  EXPECT_TRUE(result.equal) << result.problem;
+  EXPECT_EQ(result.state_hash, run.system().state_hash());
+
+  // The weights matter: without them the replay would differ.
+  std::string bytes = file.bytes();
+  const std::size_t records = RecordingReader(file.path()).mpc.size();
+  for (std::size_t i = 0; i < records; ++i) {
+    const Weights configured = run.system().problem().weights().configured();
+    bytes.replace(test::record_start(bytes, RecordType::kMpc, i) + offsetof(MpcRecord, weights),
+                  sizeof configured, reinterpret_cast<const char*>(&configured), sizeof configured);
+  }
+  file.write(bytes);
+  EXPECT_FALSE(replay(file.path()).equal);
+}
+
 TEST(NoRecording, IsRefused) {
   const test::RecordingFile file;
   EXPECT_THROW(replay(file.path()), std::runtime_error) << "there is no such file";

@@ -19,6 +19,8 @@ CommandRules rules() {
   CommandRules rules;
   rules.objects = {"drawer"};
   rules.joints = {{-1, 1, 1, 1, 1}, {0, 3, 1, 1, 1}};
+  rules.weights = {{"end_effector.position_pm2", 80, 0.5, 8000}, {"posture.q", 1, 0, 100}};
+  rules.terms = {"end_effector", "posture", "environment"};
   return rules;
 }
 
@@ -67,6 +69,50 @@ TEST(CommandCheck, ExtremeStampsAreStaleAndStopIsNever) {
     EXPECT_EQ(stopped.refusal, Refusal::kNone);
     EXPECT_EQ(stopped.request.kind, RequestKind::kStop);
   }
+}
+
+CheckedCommand tuned(const char* verb, const char* weight, std::vector<double> values) {
+  OperatorCommand tune = command(verb);
+  tune.object = weight;
+  tune.values = std::move(values);
+  return check_command(tune, rules(), kNow);
+}
+
+TEST(CommandCheck, TuningNamesAWeightAndStaysWithinItsRange) {
+  for (const double value : {0.5, 8000.0}) {
+    const CheckedCommand good = tuned("tune", "end_effector.position_pm2", {value});
+    EXPECT_EQ(good.refusal, Refusal::kNone) << good.reason;
+    EXPECT_EQ(good.request.kind, RequestKind::kTune);
+    EXPECT_EQ(good.request.weight, 0);
+    EXPECT_EQ(good.request.value, value);
+  }
+  EXPECT_EQ(tuned("tune", "end_effector.position_pm2", {0.4}).refusal, Refusal::kOutOfRange);
+  EXPECT_EQ(tuned("tune", "end_effector.position_pm2", {8001}).refusal, Refusal::kOutOfRange);
+  EXPECT_EQ(tuned("tune", "end_effector.position_pm2", {std::nan("")}).refusal,
+            Refusal::kNotFinite);
+  EXPECT_EQ(tuned("tune", "end_effector.position_pm2", {}).refusal, Refusal::kWrongCount);
+  EXPECT_EQ(tuned("tune", "end_effector.position_pm2", {1, 2}).refusal, Refusal::kWrongCount);
+  EXPECT_EQ(tuned("tune", "", {1}).refusal, Refusal::kUnknownWeight);
+}
+
+TEST(CommandCheck, LimitsAndSafetyTermsCannotBeTunedAndTyposGetAGuess) {
+  const CheckedCommand safety = tuned("tune", "environment.mu_pm2", {1});
+  EXPECT_EQ(safety.refusal, Refusal::kUnknownWeight);
+  EXPECT_NE(safety.reason.find("limits and safety terms are fixed"), std::string::npos);
+  const CheckedCommand typo = tuned("tune", "end_efector.position_pm2", {1});
+  EXPECT_EQ(typo.refusal, Refusal::kUnknownWeight);
+  EXPECT_NE(typo.reason.find("did you mean 'end_effector.position_pm2'?"), std::string::npos);
+}
+
+TEST(CommandCheck, RevertTakesOneWeightOrAll) {
+  const CheckedCommand all = tuned("revert", "", {}), one = tuned("revert", "posture.q", {});
+  EXPECT_EQ(all.refusal, Refusal::kNone);
+  EXPECT_EQ(all.request.kind, RequestKind::kRevert);
+  EXPECT_EQ(all.request.weight, -1);
+  EXPECT_EQ(one.refusal, Refusal::kNone);
+  EXPECT_EQ(one.request.weight, 1);
+  EXPECT_EQ(tuned("revert", "posture.p", {}).refusal, Refusal::kUnknownWeight);
+  EXPECT_EQ(tuned("revert", "", {1}).refusal, Refusal::kWrongCount);
 }
 
 TEST(CommandCheck, FixedBaseTakesNoBaseGoal) {

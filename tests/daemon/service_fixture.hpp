@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <chrono>
 #include <cstdlib>
 #include <functional>
@@ -54,7 +55,10 @@ class ServiceTest : public ::testing::Test {
     options.rules.joints = {{-1, 1, 1, 1, 1}, {-2, 2, 1, 1, 1}};
     options.joint_names = {"shoulder", "elbow"};
     options.finger_names = {"finger_left", "finger_right"};
+    options.rules.weights = {{"end_effector.position_pm2", 80, 0, 8000}};
+    options.rules.terms = {"end_effector", "environment"};
     options.truth = true;
+    options.explanation_every = 1;
     options.diagnostics_every = 5;  // a test does not wait for a second
     return options;
   }
@@ -62,7 +66,11 @@ class ServiceTest : public ::testing::Test {
   ServicePorts ports() {
     return {[] { return kNow; }, [this](const Request& r) { return requests.push(r); },
             [this](RequestStatus& s) { return statuses.pop(s); },
-            [this] { return snapshot.read(); }};
+            [this] { return snapshot.read(); },
+            [this](DaemonExplanation& e) {
+              if (explanation_pending) e = explanation;
+              return explanation_pending.exchange(false);
+            }};
   }
 
   void start() {
@@ -105,6 +113,8 @@ class ServiceTest : public ::testing::Test {
   Queue<Request, 2> requests;
   Queue<RequestStatus, 256> statuses;
   Latest<ServiceSnapshot> snapshot;
+  DaemonExplanation explanation;  // written before it is pending
+  std::atomic<bool> explanation_pending{false};
   std::unique_ptr<Service> service;
   std::unique_ptr<Client> client;
 };

@@ -250,6 +250,8 @@ TEST(WireTypes, AreNamedLikeRosAndHaveNeitherKeysNorTypeInformation) {
   expect_ros_type<dds::msg::Command>("wholebody_msgs::msg::dds_::Command_");
   expect_ros_type<dds::msg::CommandAck>("wholebody_msgs::msg::dds_::CommandAck_");
   expect_ros_type<dds::msg::Status>("wholebody_msgs::msg::dds_::Status_");
+  expect_ros_type<dds::msg::Explanation>("wholebody_msgs::msg::dds_::Explanation_");
+  expect_ros_type<dds::msg::Tuning>("wholebody_msgs::msg::dds_::Tuning_");
 }
 
 }  // namespace

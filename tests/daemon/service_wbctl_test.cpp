@@ -143,6 +143,68 @@ TEST_F(WbctlTest, StatusPrintsModeLoopsAndCountersAsJson) {
   EXPECT_EQ(json["counters"]["frames"].as<int>(), 5);
 }
 
+TEST_F(WbctlTest, TuneSetsGetsAndReverts) {
+  ServiceSnapshot& s = snapshot.writing();
+  s = {};
+  s.weights.revision = 4;
+  s.weights.count = 1;
+  s.weights.values[0] = 100;
+  snapshot.publish();
+  start_service();
+  spawn({"tune", "set", "end_effector.position_pm2", "120"});
+  const Request set = served_request();
+  EXPECT_EQ(set.kind, RequestKind::kTune);
+  EXPECT_EQ(set.weight, 0);
+  EXPECT_EQ(set.value, 120);
+  answer(set, RequestOutcome::kSucceeded);
+  EXPECT_EQ(exit_code(), 0);
+  spawn({"tune", "revert"});
+  const Request revert = served_request();
+  EXPECT_EQ(revert.kind, RequestKind::kRevert);
+  EXPECT_EQ(revert.weight, -1);
+  answer(revert, RequestOutcome::kSucceeded);
+  EXPECT_EQ(exit_code(), 0);
+  spawn({"tune", "get", "--json"});
+  EXPECT_EQ(exit_code(), 0);
+  const YAML::Node json = YAML::Load(output());
+  EXPECT_EQ(json["revision"].as<int>(), 4);
+  EXPECT_EQ(json["weights"][0]["name"].as<std::string>(), "end_effector.position_pm2");
+  EXPECT_EQ(json["weights"][0]["value"].as<double>(), 100);
+  EXPECT_EQ(json["weights"][0]["configured"].as<double>(), 80);
+}
+
+TEST_F(WbctlTest, TuneOfASafetyTermIsRefusedWithTheReason) {
+  start_service();
+  spawn({"tune", "set", "environment.mu_pm2", "1", "--json"});
+  EXPECT_EQ(exit_code(), 1);
+  const YAML::Node json = YAML::Load(output());
+  EXPECT_EQ(json["outcome"].as<std::string>(), "refused");
+  EXPECT_NE(json["reason"].as<std::string>().find("cannot be tuned"), std::string::npos);
+  EXPECT_EQ(requests.peek(), nullptr);
+}
+
+TEST_F(WbctlTest, ExplainNamesTheTermsThatCompete) {
+  snapshot.writing() = {};
+  snapshot.publish();
+  explanation.status = "converging";
+  explanation.trouble = "none";
+  explanation.cost = 5;
+  explanation.terms = {{"end_effector", 4, 0.8, 0, 3}, {"environment", 1, 0.2, 0.01, 3}};
+  explanation.competing = {{"end_effector", "environment", -0.94, "one against the other"}};
+  explanation_pending = true;
+  start_service();
+  spawn({"explain", "--json"});
+  EXPECT_EQ(exit_code(), 0);
+  const YAML::Node json = YAML::Load(output());
+  EXPECT_EQ(json["terms"].size(), 2u);
+  EXPECT_EQ(json["terms"][1]["violation"].as<double>(), 0.01);
+  EXPECT_EQ(json["competing"][0]["cosine"].as<double>(), -0.94);
+  EXPECT_EQ(json["competing"][0]["text"].as<std::string>(), "one against the other");
+  spawn({"explain"});
+  EXPECT_EQ(exit_code(), 0);
+  EXPECT_NE(output().find("one against the other"), std::string::npos) << output();
+}
+
 TEST_F(WbctlTest, WrongUsageReturnsOne) {
   spawn({"open"});
   EXPECT_EQ(exit_code(), 1);

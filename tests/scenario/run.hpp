@@ -114,7 +114,8 @@ class SimulatedRun {
     lockstep_.run_next();
     if (recorder_) recorder_->drain(system_.arrows());
     RequestStatus status;
-    while (system_.arrows().statuses.pop(status)) statuses_[status.id] = status;
+    while (system_.arrows().statuses.pop(status) || system_.arrows().mpc_statuses.pop(status))
+      statuses_[status.id] = status;
   }
   void run_for(double seconds) {
     for (const TimeNs end = now() + from_seconds(seconds); now() < end;) step();
@@ -134,6 +135,17 @@ class SimulatedRun {
   std::uint64_t open(const std::string& object) {
     Request r = request(RequestKind::kOpen);
     r.object = Name(object);
+    return submit(r);
+  }
+  std::uint64_t tune(const std::string& weight, double value) {
+    Request r = request(RequestKind::kTune);
+    r.weight = system_.problem().weights().find(weight);
+    r.value = value;
+    return submit(r);
+  }
+  std::uint64_t revert(const std::string& weight = "") {
+    Request r = request(RequestKind::kRevert);
+    r.weight = weight.empty() ? -1 : system_.problem().weights().find(weight);
     return submit(r);
   }
   std::uint64_t move_base(const std::array<double, 3>& goal) {
