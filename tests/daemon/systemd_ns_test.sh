@@ -3,7 +3,7 @@
 # the simulated plant as its Type=notify service. A hung daemon is restarted by the watchdog and is idle then; the sandbox
 # is in force. Prints what it saw. Usage: systemd_ns_test.sh SOURCE_DIR BUILD_DIR. Exit code 77: skipped, and why.
 set -euo pipefail
-readonly source=$1 build=$2 skipped=77 patience_s=60
+readonly source=$1 build=$2 skipped=77 patience_s=240
 
 skip() { echo "SKIPPED: $1"; exit $skipped; }
 fail() { echo "FAIL: $1"; sed 's/^/  | /' "$out/console" "$out/seen" 2>/dev/null | tail -n 60; exit 1; }
