@@ -27,7 +27,7 @@ struct wb_driver {
 namespace wb::robotiq {
 namespace {
 
-constexpr TimeNs kFirstAnswerNs = kNanosPerSecond;  // configure waits this long
+constexpr TimeNs kFirstAnswerNs = 3 * kNanosPerSecond;  // configure waits this long
 
 const char* describe(LinkResult result) {
   switch (result) {
