@@ -223,7 +223,8 @@ std::string control_yaml(const RoomInputs& in) {
   const double kilo = std::max(20.0, 0.85 * in.structure.gripper_opening_m * 750);
   std::ostringstream out;
   out << header(in, "Control loop")
-      << "policy_memory_s: 0.25\ndegraded_memory_s: 0.5\nreading_memory_s: 0.02\nstatus_rate_hz: 10\n\nestimator:\n"
+      << "policy_memory_s: 0.25\ndegraded_memory_s: 0.5\nreading_memory_s: 0.02\nstatus_rate_hz: "
+         "10\n\nestimator:\n"
       << "  gyro_bias_time_constant_s: 2.0\n  still_wheel_speed_radps: 0.02\n  still_time_s: 0.3\n"
       << "  wrench_link: " << in.structure.wrench_link << "\n\nwhole_body:\n"
       << "  # Guessed: 17 rad/s (0.8 of critical damping) on the largest inertia that a joint "
