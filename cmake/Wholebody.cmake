@@ -32,7 +32,8 @@ function(wb_plugin name)
 endfunction()
 
 # wb_test(NAME SOURCES ... DEPENDS ... LABELS ...): one GoogleTest program; ctest sees each of its tests.
-# Labels: `fast` unless `scenario`; `concurrency` runs under tsan.
+# Labels: `fast` unless `scenario` or `process` (starts programs of its own and waits for them: release only); `concurrency`
+# runs under tsan.
 include(GoogleTest)
 function(wb_test name)
   cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;DEPENDS;LABELS" ${ARGN})
