@@ -204,7 +204,7 @@ void TaskSequencer::line(const Eigen::Isometry3d& from, const Eigen::Isometry3d&
   ref.ee[0].count = 2;
   ref.ee[0].keyframes[0] = {start, Pose::from(from)};
   ref.ee[0].keyframes[1] = {start + std::max<TimeNs>(from_seconds(length / speed_mps), 1'000'000),
-               Pose::from(to)};
+                            Pose::from(to)};
 }
 
 double TaskSequencer::unwound(int joint, double wanted, double q) const RT_SAFE {
@@ -346,7 +346,7 @@ void TaskSequencer::manipulate(const TaskInput& in, Reference& ref) RT_SAFE {
     const double ahead_s = 0.35 * i;
     const double v = std::min(value_ref_ + speed * ahead_s, target_);
     ref.ee[0].keyframes[i] = {in.t_ns + from_seconds(ahead_s),
-                 Pose::from(Eigen::Isometry3d(keyframe_pose(v) * X_KE_))};
+                              Pose::from(Eigen::Isometry3d(keyframe_pose(v) * X_KE_))};
   }
   set_posture(model_->config().ready, 0.1, *in.state, ref);
   set_masks(value, ref);

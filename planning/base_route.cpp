@@ -259,8 +259,8 @@ void BaseRoute::follow(TimeNs t0, std::array<double, 3> pose, std::array<double,
             ? wish_of_omnidirectional(pose, target, left, ref.base_goal[2])
             : wish_of_unicycle(pose, target, left, arrived, ref.base_goal[2]);
     // No faster than the reference allows.
-    const double slow = std::min(
-        1.0, ref.speed_scale * v_max_ / std::max(std::hypot(wish[0], wish[1]), 1e-9));
+    const double slow =
+        std::min(1.0, ref.speed_scale * v_max_ / std::max(std::hypot(wish[0], wish[1]), 1e-9));
     wish = {slow * wish[0], slow * wish[1],
             std::clamp(wish[2], -ref.speed_scale * w_max_, ref.speed_scale * w_max_)};
     for (int i = 0; i < 3; ++i) {

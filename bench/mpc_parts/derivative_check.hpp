@@ -15,8 +15,8 @@ struct DerivativeCheck {
 inline DerivativeCheck check_derivatives(const OptimalControlProblem& problem, const Term& term,
                                          Situations& situations, int samples) {
   constexpr double kStep = 2e-5;
-  // Two steps of a smooth function differ by h^2 f''' / 8; that is below 2e-6 of the scale for f''' up to
-  // 4e4 of it, which the barriers stay below.
+  // Two steps of a smooth function differ by h^2 f''' / 8; that is below 2e-6 of the scale for f'''
+  // up to 4e4 of it, which the barriers stay below.
   constexpr double kKink = 2e-6;
   DerivativeCheck out;
   Node node;

@@ -145,8 +145,9 @@ class IdealPlant {
     while (i < ref.ee[0].count - 1 && ref.ee[0].keyframes[i + 1].t_ns <= t) ++i;
     const Eigen::Isometry3d a = ref.ee[0].keyframes[i].X_WE.isometry();
     if (i == ref.ee[0].count - 1 || t <= ref.ee[0].keyframes[i].t_ns) return a;
-    const double s = static_cast<double>(t - ref.ee[0].keyframes[i].t_ns) /
-                     static_cast<double>(ref.ee[0].keyframes[i + 1].t_ns - ref.ee[0].keyframes[i].t_ns);
+    const double s =
+        static_cast<double>(t - ref.ee[0].keyframes[i].t_ns) /
+        static_cast<double>(ref.ee[0].keyframes[i + 1].t_ns - ref.ee[0].keyframes[i].t_ns);
     return towards(a, ref.ee[0].keyframes[i + 1].X_WE.isometry(), s);
   }
 

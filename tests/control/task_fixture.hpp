@@ -78,7 +78,8 @@ class TaskRun {
     for (int i = 0; i < reference.ee[0].count; ++i) {
       ASSERT_TRUE(reference.ee[0].keyframes[i].X_WE.isometry().matrix().allFinite());
       ASSERT_NEAR(reference.ee[0].keyframes[i].X_WE.rotation().norm(), 1.0, 1e-9);
-      ASSERT_TRUE(i == 0 || reference.ee[0].keyframes[i].t_ns > reference.ee[0].keyframes[i - 1].t_ns);
+      ASSERT_TRUE(i == 0 ||
+                  reference.ee[0].keyframes[i].t_ns > reference.ee[0].keyframes[i - 1].t_ns);
     }
     // The tick that leaves a phase still has that phase's outputs.
     const bool may_close = before == Phase::kGrasp || before == Phase::kManipulate;

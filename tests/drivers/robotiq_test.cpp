@@ -51,8 +51,8 @@ class RobotiqTest : public ::testing::Test {
 
   std::string config(const std::string& more = "") const {
     // An answer may be late on a loaded machine; only the tests about silence want it soon.
-    return "{device: " + port_.string() + ", opening_max_m: 0.085, silence_max_ms: 5000, response_timeout_ms: 200" + more +
-           "}";
+    return "{device: " + port_.string() +
+           ", opening_max_m: 0.085, silence_max_ms: 5000, response_timeout_ms: 200" + more + "}";
   }
   void start(std::int64_t timeout_ns = kLong_ns, const std::string& text = "") {
     driver_ = api_->create((text.empty() ? config() : text).c_str(), "/", note, &log_);

@@ -14,8 +14,8 @@ class Plant : public test::PlantTest {
   void opens_the_drawer(PlantOptions options) {
     options.seed = 3000;  // nothing was tuned on it
     start_plant(options);
-    SimulatedRun run(SimulatedRun::Configured{
-        DaemonConfig::load(daemon_file(), WB_BUILD_DIR "/drivers")});
+    SimulatedRun run(
+        SimulatedRun::Configured{DaemonConfig::load(daemon_file(), WB_BUILD_DIR "/drivers")});
     // A drive's enabling takes ticks; a reset is refused until all of them answer.
     ASSERT_TRUE(run.run_to_end(run.reset(), 5)) << plant_said();
     const std::uint64_t id = run.open("drawer_1");

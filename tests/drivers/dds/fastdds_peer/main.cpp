@@ -1,8 +1,8 @@
 // A robot with two joints by another DDS vendor: `fastdds_peer DOMAIN SECONDS`. Describes itself,
 // publishes measurements at 200 Hz, grants the lease to whoever asks first, lets its joints run at
 // the velocities that it is commanded and stops them when valid_for has passed; besides, it counts
-// the daemon's joint_states and status. Ends, at SIGTERM or before, with one line of what it saw. Written from
-// docs/how-to/dds.md and the IDL alone; no code of the project.
+// the daemon's joint_states and status. Ends, at SIGTERM or before, with one line of what it saw.
+// Written from docs/how-to/dds.md and the IDL alone; no code of the project.
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
 
