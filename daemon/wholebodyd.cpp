@@ -9,13 +9,13 @@
 #include <atomic>
 #include <csignal>
 #include <cstring>
-#include <filesystem>
 #include <memory>
 #include <optional>
 
 #include "core/rt/executor.hpp"
 #include "daemon/observed_run.hpp"
 #include "daemon/pacing.hpp"
+#include "daemon/plugin_folder.hpp"
 #include "daemon/real_time_report.hpp"
 #include "daemon/recording.hpp"
 #include "daemon/service/systemd_notify.hpp"
@@ -27,22 +27,12 @@ namespace {
 std::atomic<bool> stopping{false};
 void on_signal(int) { stopping = true; }
 
-// Plugins of an installed daemon lie beside it, in ../lib/wholebody; those of one in a build tree
-// there.
-std::string default_plugin_folder() {
-  std::error_code none;
-  const auto installed =
-      std::filesystem::read_symlink("/proc/self/exe", none).parent_path().parent_path() /
-      "lib/wholebody";
-  return std::filesystem::is_directory(installed, none) ? installed.string() : WB_PLUGIN_DIR;
-}
-
 struct Options {
   std::string config;
   std::string record;
   std::string observe, object;
   bool lockstep = false, truth = false, free_running = false;
-  std::string plugin_folder = default_plugin_folder();
+  std::string plugin_folder = wb::default_plugin_folder();
 };
 
 // What the loops run in besides themselves.

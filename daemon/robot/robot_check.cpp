@@ -9,14 +9,13 @@
 #include "bench/mpc_parts/derivative_check.hpp"
 #include "core/model/import/inverse_kinematics.hpp"
 #include "core/model/import/posture_search.hpp"
+#include "daemon/robot/simulated_move.hpp"
 #include "mpc/slq_solver.hpp"
 
 namespace wb {
 namespace {
 
-// Ten times tests/mpc/terms_test.cpp's: the differences run across the map's voxel borders, and not
-// every such kink is recognised.
-constexpr double kDerivativeTolerance = 1e-5;
+constexpr double kDerivativeTolerance = 1e-6;
 constexpr double kReachedShare = 0.9;
 constexpr double kReached_m = 0.02;  // that a converged plan may miss its goal by
 constexpr double kNear_rad = 0.4;  // the ready region: so far from each joint of the ready posture
@@ -42,7 +41,7 @@ class Checker {
     }
     return {"derivatives", worst <= kDerivativeTolerance, worst, "",
             "largest error of the MPC's " + std::to_string(problem_->terms().size()) + " terms (" +
-                which + ") against central differences; at most 1e-5"};
+                which + ") against central differences; at most 1e-6"};
   }
 
   CheckLine limits() const {
@@ -151,6 +150,7 @@ std::vector<CheckLine> check_robot(const std::filesystem::path& folder,
   lines.push_back(checker->self_collision("stowed", checker->stowed_distance()));
   lines.push_back(checker->self_collision("ready", checker->ready_distance()));
   lines.push_back(checker->solve());
+  lines.push_back(check_simulated_move(folder, options.seed));
   return lines;
 }
 

@@ -223,10 +223,13 @@ std::string control_yaml(const RoomInputs& in) {
   const double kilo = std::max(20.0, 0.85 * in.structure.gripper_opening_m * 750);
   std::ostringstream out;
   out << header(in, "Control loop")
-      << "policy_memory_s: 0.25\ndegraded_memory_s: 0.5\nreading_memory_s: 0.02\nstatus_rate_hz: "
-         "10\n\nestimator:\n"
-      << "  gyro_bias_time_constant_s: 2.0\n  still_wheel_speed_radps: 0.02\n  still_time_s: 0.3\n"
-      << "  wrench_link: " << in.structure.wrench_link << "\n\nwhole_body:\n"
+      << "policy_memory_s: 0.25\ndegraded_memory_s: 0.5\nreading_memory_s: 0.02\n"
+      << "status_rate_hz: 10\n\nestimator:\n";
+  if (drives(in)) {
+    out << "  gyro_bias_time_constant_s: 2.0\n  still_wheel_speed_radps: 0.02\n"
+        << "  still_time_s: 0.3\n";
+  }
+  out << "  wrench_link: " << in.structure.wrench_link << "\n\nwhole_body:\n"
       << "  # Guessed: 17 rad/s (0.8 of critical damping) on the largest inertia that a joint "
          "moves\n"
       << "  stiffness_nmprad: " << numbers(each(in, [&](auto j) { return stiffness(in, j); }))
@@ -241,13 +244,16 @@ std::string control_yaml(const RoomInputs& in) {
       << "  pre_grasp_standoff_m: 0.10\n  grasp_depth_m: 0.002\n  regrasp_step_m: 0.010\n"
       << "  probe_distance_m: 0.02\n  probe_held_n: 3.0\n  grasp_tolerance_m: 0.005\n"
       << "  grasp_speed_mps: 0.12\n  retreat_distance_m: 0.12\n  retreat_speed_mps: 0.2\n"
-      << "  reach_distance_m: " << number(std::min(1.0, rounded(0.7 * in.reach_m)))
-      << "\n  base_tolerance_m: 0.15\n  base_tolerance_rad: 0.2\n  hand_tolerance_m: 0.012\n"
-      << "  hand_tolerance_rad: 0.08\n  move_tolerance_m: 0.025\n  move_tolerance_rad: 0.016\n"
+      << "  hand_tolerance_m: 0.012\n  hand_tolerance_rad: 0.08\n  move_tolerance_m: 0.025\n  "
+         "move_tolerance_rad: 0.016\n"
       << "  grip_force_n: " << number(std::min(60.0, kilo)) << "\n  grip_settle_s: 0.25\n"
       << "  closed_margin_m: 0.004\n  slip_m: 0.05\n  prismatic_speed_mps: 0.15\n"
       << "  revolute_speed_radps: 0.35\n  lag_max_m: 0.06\n  lag_max_rad: 0.12\n"
       << "  opened_fraction: 0.95\n  progress_timeout_s: 4\n";
+  if (drives(in)) {
+    out << "  reach_distance_m: " << number(std::min(1.0, rounded(0.7 * in.reach_m)))
+        << "\n  base_tolerance_m: 0.15\n  base_tolerance_rad: 0.2\n";
+  }
   return out.str();
 }
 
