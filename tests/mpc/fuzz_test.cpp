@@ -137,7 +137,7 @@ class Fuzzer {
     g.states = static_cast<int>(x.size());
     g.inputs = problem_->nu();
     for (int i = 0; i < g.nodes; ++i) {
-      g.t[i] = t_ + i * 100'000'000;
+      g.t[i] = t_ + i * TimeNs{100'000'000};
       g.x(i) = x;
       for (int r = 0; r < g.inputs; ++r) g.u(i)[r] = chance(0.001) ? anything() : uniform(-1, 1);
       g.K(i).setZero();
