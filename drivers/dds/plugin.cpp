@@ -115,13 +115,17 @@ wb_status read(wb_driver* driver, wb_readings* out) {
   return WB_OK;
 }
 
-bool finite(const wb_commands& c, std::uint32_t joints) {
+// Finite, and of kinds that the joints take. The low-level computer would refuse the others, too,
+// but too late for whoever writes; and on the wire a kind has only eight bits.
+bool proper(const wb_commands& c, const wb_description& description) {
   bool ok = std::isfinite(c.gripper.opening) && std::isfinite(c.gripper.force);
-  for (std::uint32_t i = 0; i < joints; ++i) {
+  for (std::uint32_t i = 0; i < description.joint_count; ++i) {
     const auto& j = c.joints[i];
-    ok = ok && (j.kind == WB_CMD_NONE || (std::isfinite(j.position) && std::isfinite(j.velocity) &&
-                                          std::isfinite(j.effort) && std::isfinite(j.stiffness) &&
-                                          std::isfinite(j.damping)));
+    if (j.kind == WB_CMD_NONE) continue;
+    ok = ok && j.kind <= WB_CMD_TORQUE &&
+         (description.joints[i].command_kinds & (1u << j.kind)) != 0 && std::isfinite(j.position) &&
+         std::isfinite(j.velocity) && std::isfinite(j.effort) && std::isfinite(j.stiffness) &&
+         std::isfinite(j.damping);
   }
   return ok;
 }
@@ -131,7 +135,7 @@ wb_status write(wb_driver* driver, const wb_commands* commands) {
   Exchange& e = driver->exchange;
   e.watch();
   if (e.latched.load(std::memory_order_acquire)) return WB_TIMED_OUT;
-  if (!finite(*commands, driver->link.description().joint_count)) return WB_ERROR;
+  if (!proper(*commands, driver->link.description())) return WB_ERROR;
   Order& order = e.orders.writing();
   order.activation = e.activation.load(std::memory_order_relaxed);
   order.commands = *commands;

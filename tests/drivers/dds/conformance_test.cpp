@@ -1,0 +1,69 @@
+// The conformance suite of the driver ABI (drivers/check) on the DDS plugin, against a paced
+// low-level computer in a process of its own: a sound one passes, and a robot that does not do what
+// it is told fails the checks that are there for it.
+#include <algorithm>
+
+#include "core/rt/allocation_count.hpp"
+#include "drivers/check/driver_check.hpp"
+#include "tests/drivers/dds/child.hpp"
+#include "tests/drivers/dds/dds_fixture.hpp"
+#include "tests/drivers/dds/seeing_robot.hpp"
+
+namespace wb::dds {
+namespace {
+
+using check::Outcome;
+using check::Result;
+
+class DdsConformance : public DdsDriverTest {
+ protected:
+  // The suite forks; this process itself never touches DDS.
+  static std::vector<Result> suite_against(const std::string& defect) {
+    Child robot({WB_ROBOT_PROCESS, "paced", std::to_string(domain()), defect});
+    if (robot.line() != "ready") throw std::runtime_error("the robot did not start");
+    check::Options options;
+    options.library = WB_BUILD_DIR "/drivers/libwb_driver_dds.so";
+    options.config =
+        config(true, std::string(SeeingRobot::kConfig) + ", connect_timeout_ms: 60000");
+    options.folder = "/";
+    return check::run(options);
+  }
+
+  // `name` failed because of `reason` (a part of it).
+  static void expect_failed(const std::vector<Result>& results, const std::string& name,
+                            const std::string& reason) {
+    const auto r = std::ranges::find(results, name, &Result::name);
+    ASSERT_NE(r, results.end()) << name;
+    EXPECT_EQ(r->outcome, Outcome::kFailed) << name << ": " << r->reason;
+    EXPECT_NE(r->reason.find(reason), std::string::npos) << name << ": " << r->reason;
+  }
+  static std::vector<std::string> failed(const std::vector<Result>& results) {
+    std::vector<std::string> names;
+    for (const Result& r : results) {
+      if (r.outcome == Outcome::kFailed) names.push_back(r.name);
+    }
+    return names;
+  }
+};
+
+TEST_F(DdsConformance, ASoundRobotPassesEveryCheck) {
+  const auto results = suite_against("");
+  EXPECT_GE(results.size(), 18u);
+  for (const Result& r : results) {
+    const bool may_skip = r.name == "ports_allocate_nothing" && !allocations_are_counted();
+    EXPECT_TRUE(r.outcome == Outcome::kPassed || may_skip) << r.name << ": " << r.reason;
+    std::printf("%s: %s\n", r.name.c_str(), r.reason.c_str());
+  }
+}
+
+TEST_F(DdsConformance, ARobotThatIgnoresStopIsFoundAlthoughItSaysThatItStopped) {
+  const auto results = suite_against("ignores_stop");
+  expect_failed(results, "time_out", "joint wheel_0 moved by");
+  expect_failed(results, "time_out", "after the time-out, while commands were written");
+  expect_failed(results, "stop", "after stop, while commands were written");
+  expect_failed(results, "deactivate", "after deactivate");
+  EXPECT_EQ(failed(results), (std::vector<std::string>{"time_out", "stop", "deactivate"}));
+}
+
+}  // namespace
+}  // namespace wb::dds
