@@ -89,7 +89,7 @@ END
 }
 
 # vm_boot SECONDS COMMAND...: runs the command as root in the guest, in this folder; its exit code is this function's. The guest
-# finds its kernel's name in KERNEL and can modprobe. More of QEMU's options: vm_devices.
+# finds its kernel's name in KERNEL and can modprobe.
 vm_boot() {
   local limit_s=$1 code=0
   shift
@@ -115,7 +115,7 @@ END
     -fsdev local,id=host,path=/,security_model=none,readonly=on,multidevs=remap \
     -device virtio-9p-pci,fsdev=host,mount_tag=host \
     -fsdev "local,id=out,path=$out,security_model=none" -device virtio-9p-pci,fsdev=out,mount_tag=out \
-    "${vm_devices[@]}" </dev/null >"$out/qemu.log" 2>&1 || code=$?
+    </dev/null >"$out/qemu.log" 2>&1 || code=$?
   if [ ! -s "$out/code" ]; then
     echo "FAIL: the guest did not end by itself (QEMU's exit code $code)"
     tail -n 20 "$out/qemu.log" "$out/console" "$out/result" 2>/dev/null || true
@@ -124,4 +124,3 @@ END
   cat "$out/result"
   return "$(cat "$out/code")"
 }
-vm_devices=()
