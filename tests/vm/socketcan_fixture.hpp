@@ -210,12 +210,12 @@ class Stranger {
   int socket_;
 };
 
-// Drives 1 to `drives` on vxa, and, where there are more buses, as many on vxc and vxe. Bus threads
-// of the plugin at priority 80.
+// Drives 1 to `drives` on vxa, and, where there are two buses, as many on vxc. Bus threads of the
+// plugin at priority 80.
 inline std::string config(int drives, int buses = 1,
                           const std::string& supervision = "{velocity_every: 12}") {
   std::string text = "{sync_rate_hz: 400, supervision: " + supervision + ", buses: [";
-  const char* interfaces[] = {"vxa", "vxc", "vxe"};
+  const char* interfaces[] = {"vxa", "vxc"};
   for (int b = 0; b < buses; ++b)
     text += std::string("{name: ") + interfaces[b] +
             ", type: socketcan, interface: " + interfaces[b] +

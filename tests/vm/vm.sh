@@ -1,4 +1,4 @@
-# Sourced by tests/vm/run and tests/vm/rt: a throw-away QEMU guest on a Debian kernel that is unpacked and never installed.
+# Sourced by tests/vm/run: a throw-away QEMU guest on a Debian kernel that is unpacked and never installed.
 # The guest's root is this machine's, read-only over 9p under an overlay in its memory; so the build tree's programs run in it
 # as they are. Emulated (TCG) and counted in instructions (-icount), so that the guest's time does not depend on what else
 # this machine does. KVM is not chosen because /dev/kvm exists: there are machines where it opens and boots nothing.
@@ -25,13 +25,13 @@ vm_need_packages() {
     >"$vm/apt.log" 2>&1 || vm_skip "the packages ${missing[*]} cannot be installed ($vm/apt.log)"
 }
 
-# vm_kernel FLAVOUR (amd64, rt-amd64): fetches and unpacks the package that the metapackage names, once. Sets release, kernel
-# (an uncompressed vmlinux: booted by PVH it is there in half the time), modules, initrd.
+# vm_kernel: fetches and unpacks the package that linux-image-amd64 names, once. Sets release, kernel (an uncompressed vmlinux:
+# booted by PVH it is there in half the time), modules, initrd.
 vm_kernel() {
   local package folder offset
   mkdir -p "$vm"
-  package=$(apt-cache depends "linux-image-$1" 2>/dev/null | sed -n 's/^ *Depends: \(linux-image-[0-9].*\)/\1/p' | head -n 1)
-  [ -n "$package" ] || vm_skip "no package linux-image-$1 is known here (apt-get update?)"
+  package=$(apt-cache depends linux-image-amd64 2>/dev/null | sed -n 's/^ *Depends: \(linux-image-[0-9].*\)/\1/p' | head -n 1)
+  [ -n "$package" ] || vm_skip "no package linux-image-amd64 is known here (apt-get update?)"
   release=${package#linux-image-}
   folder=$vm/$package
   modules=$folder/lib/modules/$release
@@ -89,7 +89,7 @@ END
 }
 
 # vm_boot SECONDS COMMAND...: runs the command as root in the guest, in this folder; its exit code is this function's. The guest
-# finds its kernel's name in KERNEL and can modprobe. More of QEMU's options: vm_devices.
+# finds its kernel's name in KERNEL and can modprobe.
 vm_boot() {
   local limit_s=$1 code=0
   shift
@@ -115,7 +115,7 @@ END
     -fsdev local,id=host,path=/,security_model=none,readonly=on,multidevs=remap \
     -device virtio-9p-pci,fsdev=host,mount_tag=host \
     -fsdev "local,id=out,path=$out,security_model=none" -device virtio-9p-pci,fsdev=out,mount_tag=out \
-    "${vm_devices[@]}" </dev/null >"$out/qemu.log" 2>&1 || code=$?
+    </dev/null >"$out/qemu.log" 2>&1 || code=$?
   if [ ! -s "$out/code" ]; then
     echo "FAIL: the guest did not end by itself (QEMU's exit code $code)"
     tail -n 20 "$out/qemu.log" "$out/console" "$out/result" 2>/dev/null || true
@@ -124,4 +124,3 @@ END
   cat "$out/result"
   return "$(cat "$out/code")"
 }
-vm_devices=()
