@@ -1,6 +1,6 @@
 // The CAN plugin on the kernel's SocketCAN: rows of the fault list (docs/how-to/can.md) that need a
-// real network device. tests/vm/guest_can.sh has made their interfaces, the vxcan pair vxa-vxb. Runs
-// in the guest of tests/vm/run.
+// real network device. tests/vm/guest_can.sh has made their interfaces, the vxcan pair vxa-vxb.
+// Runs in the guest of tests/vm/run.
 #include "tests/vm/socketcan_fixture.hpp"
 
 namespace wb::can {
