@@ -45,10 +45,12 @@ class Child {
     std::string text;
     char buffer[4096];
     for (ssize_t n; (n = ::read(out_, buffer, sizeof buffer)) > 0;) text.append(buffer, n);
-    if (pid_ > 0) waitpid(pid_, nullptr, 0);
+    if (pid_ > 0) waitpid(pid_, &status_, 0);
     pid_ = 0;
     return text;
   }
+  // Ended by itself with exit code 0; after wait().
+  bool succeeded() const { return WIFEXITED(status_) && WEXITSTATUS(status_) == 0; }
   // Its next line, without the end; empty at the end of its output.
   std::string line() {
     std::string text;
@@ -58,6 +60,7 @@ class Child {
 
  private:
   pid_t pid_ = 0;
+  int status_ = -1;
   int out_ = -1;
 };
 

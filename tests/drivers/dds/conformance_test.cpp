@@ -65,5 +65,11 @@ TEST_F(DdsConformance, ARobotThatIgnoresStopIsFoundAlthoughItSaysThatItStopped) 
   EXPECT_EQ(failed(results), (std::vector<std::string>{"time_out", "stop", "deactivate"}));
 }
 
+TEST_F(DdsConformance, ARobotThatMovesByItselfIsFoundBeforeTheFirstWrite) {
+  const auto results = suite_against("moves_by_itself");
+  for (const Result& r : results) std::printf("%s: %s\n", r.name.c_str(), r.reason.c_str());
+  expect_failed(results, "still_until_written", "between activate and the first write");
+}
+
 }  // namespace
 }  // namespace wb::dds

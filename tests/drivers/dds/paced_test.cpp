@@ -4,57 +4,18 @@
 #include <vector>
 
 #include "tests/drivers/dds/dds_fixture.hpp"
+#include "tests/drivers/dds/seeing_robot.hpp"
 
 namespace wb::dds {
 namespace {
 
 constexpr TimeNs kTick = 2'500'000;
 
-// Publishes truth at every 10 ms, and a frame of 4 x 3 pixels at every 20 ms, whose first pixel is
-// the time in seconds.
-class SeeingRobot : public FakeRobot {
- public:
-  SeeingRobot() : FakeRobot(fake_description(), true) {}
-  LowLevel* low_level = nullptr;
-
-  bool advance(TimeNs t) override {
-    for (; next_ <= t; next_ += 10'000'000) {
-      FakeRobot::advance(next_);
-      LowLevel::Truth truth;
-      truth.t_ns = next_;
-      truth.base_pose = {{to_seconds(next_), 2, 0}, {0, 0, 0, 1}};
-      truth.spawn_pose = {{1, 2, 0}, {0, 0, 0, 1}};
-      LowLevel::Truth::Object drawer;
-      std::strcpy(drawer.object.name, "drawer_1");
-      drawer.object.value = readings().joints[0].position;
-      drawer.object.range = 0.45;
-      drawer.clearance = 0.125;
-      drawer.X_GE = {{0.25, 0, 0}, {0, 0, 0, 1}};
-      truth.objects.push_back(drawer);
-      truth.contacts.push_back({next_, "finger", "door", "oven"});
-      truth.contact_count = 1;
-      truth.links.push_back({"camera_shoulder", {{0, 0, 1.5}, {0, 0, 0, 1}}});
-      truth.clearance = 0.0625;
-      low_level->publish_truth(truth);
-      if (next_ % 20'000'000 != 0) continue;
-      std::array<float, 12> depth;
-      depth.fill(2);
-      depth[0] = static_cast<float>(to_seconds(next_));
-      depth[1] = -1;
-      low_level->publish_depth(0, next_, depth.data());
-    }
-    return FakeRobot::advance(t);
-  }
-
- private:
-  TimeNs next_ = 0;
-};
-
 class PacedTest : public DdsDriverTest {
  protected:
   void SetUp() override {
     LowLevelOptions o = low_level_options(true);
-    o.cameras = {{"camera_front", "front/depth", 4, 3, 10, 10, 2, 1.5}};
+    o.cameras = {SeeingRobot::camera()};
     low = std::make_unique<LowLevel>(o, fake_description(), seeing);
     seeing.low_level = low.get();
     thread = std::thread([this] {
@@ -70,11 +31,7 @@ class PacedTest : public DdsDriverTest {
     thread.join();
   }
   static std::string everything(const std::string& more = "", int tick_timeout_ms = 20'000) {
-    return config(true,
-                  ", truth: true, cameras: [{name: camera_front, image: front/depth, info: "
-                  "front/camera_info, rate_hz: 50, range_min_m: 0.1, range_max_m: 8}]" +
-                      more,
-                  tick_timeout_ms);
+    return config(true, SeeingRobot::kConfig + more, tick_timeout_ms);
   }
 
   SeeingRobot seeing;
