@@ -100,7 +100,7 @@ int robot_import_main(const RobotImportArguments& a) {
   std::printf("stowed   within %.2f m, pairs %.0f mm apart; ready: hand at %.2f, %.2f, %.2f m\n",
               r.postures.stowed_radius_m, 1000 * r.postures.stowed_distance_m,
               r.postures.p_BE_ready.x(), r.postures.p_BE_ready.y(), r.postures.p_BE_ready.z());
-  std::printf("written  %s; next: wbctl robot check %s\n", r.folder.c_str(), a.name.c_str());
+  std::printf("written  %s; next: wbctl robot check %s\n", r.folder.c_str(), r.folder.c_str());
   return 0;
 }
 

@@ -9,7 +9,6 @@ namespace wb {
 namespace {
 
 using Eigen::Vector3d;
-constexpr double kClear_m = kPairDistance_m + 0.01;
 constexpr double kFloor_m = 0.02;
 constexpr double kHandleHeight_m = 0.8;
 constexpr double kLoadMax = 0.9;  // of a joint's torque, by gravity
@@ -35,13 +34,19 @@ struct Stow {
 
 class Search {
  public:
-  Search(const RobotModel& model, const SamplingOptions& options)
-      : model_(model), range_(arm_range(model)), options_(options), random_(options.seed) {}
+  // `undisturbed`: where no barrier of the MPC reaches.
+  Search(const RobotModel& model, const SamplingOptions& options, bool undisturbed)
+      : model_(model),
+        range_(arm_range(model)),
+        options_(options),
+        clear_m_(kPairDistance_m + (undisturbed ? kPairReach_m : 0.01)),
+        spare_(undisturbed ? kLimitDistance + limit_reach(model) : 0),
+        random_(options.seed) {}
 
   // Clear of itself and of the floor, and carried with ease.
   bool holds(const std::vector<double>& q) const {
     const RobotModel::Data data = arm_data(model_, q);
-    return pair_distance(model_, data) >= kClear_m && above_floor(data) && load(q) <= kLoadMax;
+    return pair_distance(model_, data) >= clear_m_ && above_floor(data) && load(q) <= kLoadMax;
   }
 
   std::vector<Stow> stows() {
@@ -90,8 +95,8 @@ class Search {
           X_BE.linear() = forward(roll);
           for (int start = 0; start < kStarts; ++start) {
             const IkResult r = solve_ik(model_, range_, X_BE, sample(range_, random_, 0.1));
-            if (r.position_error_m > 0.02 || !holds(r.q)) continue;
-            const double margin = std::min(1.0, limit_margin(r.q) / 0.3);
+            if (r.position_error_m > 0.02 || limit_margin(r.q) < spare_ || !holds(r.q)) continue;
+            const double margin = std::min(1.0, limit_margin(r.q) / 0.3) * pair_margin(r.q);
             const double score = least_singular_value(model_, r.q, reach) * margin *
                                  std::exp(-std::abs(dz) / 0.3 - r.angle_error_rad / 0.1);
             if (best.size() >= kKeep && score <= best.back().score) continue;
@@ -165,16 +170,26 @@ class Search {
     return radius_about_base(model_, q) + 0.1 * top + 0.05 * load(q);
   }
 
+  // 1 out of the reach of the MPC's self-collision, 0 at the distance that it keeps.
+  double pair_margin(const std::vector<double>& q) const {
+    const double spare = pair_distance(model_, arm_data(model_, q)) - kPairDistance_m;
+    return std::clamp(spare / kPairReach_m, 0.0, 1.0);
+  }
+
   double limit_margin(const std::vector<double>& q) const {
     double margin = 1e9;
-    for (std::size_t j = 0; j < q.size(); ++j)
+    for (std::size_t j = 0; j < q.size(); ++j) {
+      if (model_.limits(static_cast<int>(j)).endless()) continue;
       margin = std::min({margin, q[j] - range_.lower[j], range_.upper[j] - q[j]});
+    }
     return std::max(0.0, margin);
   }
 
   const RobotModel& model_;
   ArmRange range_;
   SamplingOptions options_;
+  double clear_m_;  // that the pairs are apart
+  double spare_;    // between a joint and its limit, ready
   std::mt19937_64 random_;
 };
 
@@ -211,6 +226,15 @@ std::vector<PairSample> sample_pairs(const RobotModel& model, const SamplingOpti
   return out;
 }
 
+double limit_reach(const RobotModel& model) {
+  double reach = 0.2;
+  for (int j = 0; j < model.joints(); ++j) {
+    const JointLimits& l = model.limits(j);
+    if (!l.endless()) reach = std::min(reach, 0.25 * (l.upper - l.lower));
+  }
+  return reach;
+}
+
 double arm_reach(const RobotModel& model) {
   const RobotModel::Data data = arm_data(model, std::vector<double>(model.joints()));
   double reach = 0;
@@ -244,9 +268,14 @@ double radius_about_base(const RobotModel& model, const std::vector<double>& q) 
 
 Postures find_postures(const RobotModel& model, double base_front_m,
                        const SamplingOptions& options) {
-  Search search(model, options);
-  const std::vector<Stow> stows = search.stows();
-  const auto readies = search.readies(base_front_m);
+  std::vector<Stow> stows;
+  std::vector<Search::Ready> readies;
+  for (const bool undisturbed : {true, false}) {
+    Search search(model, options, undisturbed);
+    stows = search.stows();
+    readies = search.readies(base_front_m);
+    if (!stows.empty() && !readies.empty()) break;
+  }
   Postures out;
   if (stows.empty() || readies.empty()) return out;
   out.collision_free = true;

@@ -11,7 +11,11 @@
 
 namespace wb {
 
-inline constexpr double kPairDistance_m = 0.05;  // that the MPC keeps between a pair
+// What the MPC keeps between a pair, and from where on it feels the pair.
+inline constexpr double kPairDistance_m = 0.05, kPairReach_m = 0.03;
+// What it keeps between a joint and its limit, and from where on it feels the limit [rad or m].
+inline constexpr double kLimitDistance = 0.03;
+double limit_reach(const RobotModel& model);  // 0.2, at most a quarter of the smallest range
 
 struct SamplingOptions {
   int samples = 20000;  // postures; pairs use a fifth of them
@@ -42,7 +46,9 @@ struct Postures {
   bool collision_free = false;
 };
 
-// The model holds capsules, pairs and spheres. `base_front_m`: how far the base reaches forward.
+// Out of the reach of the MPC's self-collision (and, ready, of the joints' limits) if such postures
+// are found: it would hold the arm beside them. The model holds capsules, pairs and spheres.
+// `base_front_m`: how far the base reaches forward.
 Postures find_postures(const RobotModel& model, double base_front_m,
                        const SamplingOptions& options);
 

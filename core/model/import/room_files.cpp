@@ -169,12 +169,14 @@ std::string mpc_yaml(const RoomInputs& in) {
       << "  wrench: {mu: 0.05, delta_fraction: 0.02, reach_fraction: 0.3, margin_fraction: 0.05}\n"
       << "  velocity_constraint: {}\n"
       << "  posture: {joint_position_prad2: "
-      << numbers(std::vector<double>(in.limits.size(), 0.02)) << "}\n"
+      << numbers(each(in, [&](auto j) { return in.prismatic[j] ? 0.5 : 0.02; }))
+      << "}   # 20 cm of slide as a radian\n"
       << "  base_route: " << (drives(in) ? "{position_pm2: 40.0, yaw_prad2: 20.0}" : "{}") << "\n"
-      << "  joint_limits: {mu: 0.05, delta_rad: 0.01, reach_rad: 0.2, margin_rad: 0.03}\n"
+      << "  joint_limits: {mu: 0.05, delta_rad: 0.01, reach_rad: " << number(in.limit_reach)
+      << ", margin_rad: " << number(kLimitDistance) << "}\n"
       << "  velocity_limits: {mu: 0.01, delta_fraction: 0.1, reach_fraction: 0.5}\n"
-      << "  self_collision: {mu: 0.04, delta_m: 0.004, reach_m: 0.03, minimum_distance_m: "
-      << number(kPairDistance_m) << "}\n"
+      << "  self_collision: {mu: 0.04, delta_m: 0.004, reach_m: " << number(kPairReach_m)
+      << ", minimum_distance_m: " << number(kPairDistance_m) << "}\n"
       << "  environment: {mu_pm2: 2000.0, delta_m: 0.03, margin_m: 0.0}\n"
       << "  # The largest circle between the wheels and castors on the floor.\n"
       << "  stability: {" << (in.support_radius_m > 0 ? "" : "enabled: false, ")
@@ -191,7 +193,9 @@ std::string route_yaml(const RoomInputs& in) {
       << "comfort_m: " << number(rounded(1.5 * in.robot.base.bounding_radius_m))
       << "          # one and a half bounding radii\ncomfort_weight: 4.0\nheight_low_m: 0.05\n"
       << "height_high_m: " << number(std::ceil(10 * in.height_m) / 10)
-      << "      # top of the stowed robot\nlookahead_m: 0.35\nreverse_m: 0.5\nspeed_factor: 0.9\n";
+      << "      # top of the stowed robot\nlookahead_m: 0.35\n"
+      << (in.structure.base == ImportedBase::kOmnidirectional ? "" : "reverse_m: 0.5\n")
+      << "speed_factor: 0.9\n";
   return out.str();
 }
 
@@ -212,11 +216,17 @@ std::string mapping_yaml(const RoomInputs& in) {
 }
 
 namespace {
-// Servo of 15 to 20 rad/s on the joint's largest inertia, damped well.
-double stiffness(const RoomInputs& in, std::size_t j) { return 300 * in.inertia[j]; }
-double damping(const RoomInputs& in, std::size_t j) { return 2 * 0.8 * 17 * in.inertia[j]; }
-// The motor's rotor, as the simulation needs it: a tenth of the inertia it moves at most.
-double armature(const RoomInputs& in, std::size_t j) { return 0.1 * in.inertia[j]; }
+// A servo of 17 rad/s on all that its drive moves, stiffer where friction would hold the joint
+// beside its goal.
+constexpr double kServo_radps = 17, kDampingRatio = 0.8;
+constexpr double kStuck = 0.008;  // rad or m, by friction
+double stiffness(const RoomInputs& in, std::size_t j) {
+  return std::max(kServo_radps * kServo_radps * in.inertia[j], in.friction[j] / kStuck);
+}
+double damping(const RoomInputs& in, std::size_t j) {
+  return 2 * kDampingRatio * std::sqrt(stiffness(in, j) * in.inertia[j]);
+}
+double rotor(const RoomInputs& in, std::size_t j) { return in.rotor[j]; }
 }  // namespace
 
 std::string control_yaml(const RoomInputs& in) {
@@ -230,8 +240,9 @@ std::string control_yaml(const RoomInputs& in) {
         << "  still_time_s: 0.3\n";
   }
   out << "  wrench_link: " << in.structure.wrench_link << "\n\nwhole_body:\n"
-      << "  # Guessed: 17 rad/s (0.8 of critical damping) on the largest inertia that a joint "
-         "moves\n"
+      << "  # Guessed: 17 rad/s, 0.8 of critical damping, on the largest inertia that a drive "
+         "moves, "
+         "its rotor\n  # included; at least so stiff that friction leaves 0.008 rad.\n"
       << "  stiffness_nmprad: " << numbers(each(in, [&](auto j) { return stiffness(in, j); }))
       << "\n  damping_nmsprad: " << numbers(each(in, [&](auto j) { return damping(in, j); }))
       << "\n  admittance:\n    translation_damping_nspm: 800\n    rotation_damping_nmsprad: 40\n"
@@ -262,9 +273,10 @@ std::string sim_yaml(const RoomInputs& in) {
     return by_joint(in, each(in, [&](auto j) { return factor * rule(in, j); }));
   };
   std::ostringstream out;
-  out << header(in, "The simulated plant") << "# Guessed from the inertia that each joint moves.\n"
+  out << header(in, "The simulated plant")
+      << "# Guessed; rotors by the torque limit, which would turn each alone by 250 rad/s2.\n"
       << "step_us: 2500\nimu: " << in.structure.imu << "\nwrench_link: " << in.structure.wrench_link
-      << "\narmature_kgm2: " << values(armature, 1) << "\nhold_nmprad: " << values(stiffness, 1)
+      << "\narmature_kgm2: " << values(rotor, 1) << "\nhold_nmprad: " << values(stiffness, 1)
       << "\nhold_nmsprad: " << values(damping, 1) << "\ndamped_nmsprad: " << values(damping, 0.4)
       << "\n";
   if (drives(in)) {

@@ -21,10 +21,13 @@ struct RoomInputs {
   RobotStructure structure;
   std::vector<bool> prismatic;      // of each joint
   std::vector<JointLimits> limits;  // acceleration included
-  std::vector<double> inertia;      // largest diagonal entry of the mass matrix, each joint
+  // Of each joint's drive: its rotor, seen through the gear; all that it moves at most (largest
+  // diagonal entry of the mass matrix, and the rotor); the joint's friction [Nm or N].
+  std::vector<double> rotor, inertia, friction;
   std::vector<ExcludedContact> excluded;
   double velocity_max_mps = 0, yaw_rate_max_radps = 0;  // of the base
   double reach_m = 0, height_m = 0;                     // of the arm; of the stowed robot
+  double limit_reach = 0;                               // rad or m
   std::string shapes_comment, pairs_comment, stowed_comment, ready_comment;
   // Circle on the floor within which what carries the robot holds it; radius 0: none.
   Eigen::Vector2d support_centre_m{0, 0};

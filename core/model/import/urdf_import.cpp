@@ -27,6 +27,10 @@ std::string percent(double share) {
 }
 std::string millimetres(double m) { return std::to_string(std::lround(1000 * m)) + " mm"; }
 
+// A URDF says nothing of rotors, which outweigh the links behind a wrist's joints: a drive's torque
+// limit turns its rotor alone by this.
+constexpr double kRotor_radps2 = 250;
+
 class Import {
  public:
   Import(const fs::path& urdf, fs::path folder, const ImportOptions& options)
@@ -280,6 +284,7 @@ class Import {
     in_.robot.ready = p.ready;
     in_.robot.base.bounding_radius_m = std::ceil(100 * p.stowed_radius_m) / 100;
     in_.reach_m = arm_reach(model);
+    in_.limit_reach = limit_reach(model);
     const RobotModel::Data stowed = arm_data(model, p.stowed), ready = arm_data(model, p.ready);
     for (const Sphere& s : model.spheres())
       in_.height_m = std::max(in_.height_m, (stowed.X_WL[s.body] * s.centre).z() + s.radius);
@@ -332,6 +337,9 @@ class Import {
              << ", its limit is " << l.torque << (in_.prismatic[j] ? " N" : " Nm");
         note(text.str());
       }
+      in_.rotor.push_back(l.torque / kRotor_radps2);
+      in_.inertia[j] += in_.rotor.back();
+      in_.friction.push_back(document_.joint(in_.robot.joints[j].name)->friction);
       const double spare = 0.5 * std::max(0.0, l.torque - load[j]) / in_.inertia[j];
       l.acceleration = std::max(l.velocity, std::min(l.velocity / 0.3, spare));
       const double unit = std::pow(10, std::floor(std::log10(l.acceleration)) - 1);
