@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Draws the cost of a solve over nodes, spheres and joints: scripts/plot-mpc FIGURES.json PICTURE.png
+"""Draws the cost of a solve over nodes, spheres and joints: scripts/plot_mpc.py FIGURES.json PICTURE.png
 (FIGURES.json: build/release/bench/mpc --json FIGURES.json)."""
 import json
 import re

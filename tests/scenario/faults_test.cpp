@@ -2,6 +2,8 @@
 // the simulator's truth.
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "tests/scenario/run.hpp"
 
 namespace wb {
@@ -171,6 +173,44 @@ TEST_F(Pull, MpcThatStopsDeliveringMeansHoldAndTheGraspIsKept) {
   run.run_for(0.1);
   EXPECT_EQ(run.mode(), Mode::kHold) << "only a reset leads out";
   expect_reset_moves_nothing(run);
+  expect_grasp_kept();
+}
+
+// What a mapper gone wrong would hand over in place of a map.
+void publish_field_without_numbers(SimulatedRun& run) {
+  auto& arrow = run.system().arrows().field;
+  DistanceField& field = arrow.writing();
+  const std::array<int, 3>& n = field.size();
+  std::fill_n(field.data(), n[0] * n[1] * n[2], std::numeric_limits<float>::quiet_NaN());
+  arrow.publish();
+}
+
+TEST_F(Pull, MapWithoutNumbersDegradesThePullWhichEndsWithASoundOne) {
+  ASSERT_TRUE(pulling);
+  run.hang("mapping");
+  publish_field_without_numbers(run);
+  ASSERT_TRUE(run.run_until([&] { return run.mode() == Mode::kDegraded; }, 0.2));
+  EXPECT_EQ(run.system().mpc_record().report.status, SolveStatus::kNotFinite);
+  EXPECT_EQ(describe(run.system().problem(), run.system().mpc_record().report.trouble),
+            "term environment is not a number at node 0 (0.00 s)");
+  run.hang("mapping", false);
+  ASSERT_TRUE(run.run_until([&] { return run.ended(open); }, 30));
+  EXPECT_EQ(run.outcome(open), RequestOutcome::kSucceeded) << run.status(open).reason.view();
+  EXPECT_EQ(run.mode(), Mode::kDegraded) << "only a reset leads out";
+  EXPECT_GT(drawer_m(), 0.4);
+  EXPECT_EQ(run.contacts(), 0u) << run.contact_names();
+  expect_reset_moves_nothing(run);
+}
+
+TEST_F(Pull, MapWithoutNumbersForTooLongMeansHoldAndTheGraspIsKept) {
+  ASSERT_TRUE(pulling);
+  run.hang("mapping");
+  publish_field_without_numbers(run);
+  ASSERT_TRUE(run.run_until([&] { return run.mode() == Mode::kHold; }, 1));
+  expect_failed(run, open, "no policy of full quality");
+  run.run_for(0.5);
+  at_fault_m = drawer_m();
+  expect_stands_still(run);
   expect_grasp_kept();
 }
 
