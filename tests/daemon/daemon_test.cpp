@@ -26,12 +26,6 @@ constexpr double kRunS = 200, kEndS = Process::kEndS;
 class Daemon : public ::testing::Test {
  protected:
   void SetUp() override {
-    const std::string uri =
-        "file://" WB_SOURCE_DIR
-        "/config/cyclonedds_loopback.xml,<CycloneDDS><Domain><Discovery><Tag>wb_test_" +
-        std::to_string(getpid()) + "</Tag></Discovery></Domain></CycloneDDS>";
-    setenv("CYCLONEDDS_URI", uri.c_str(), 1);
-    setenv("ROS_DOMAIN_ID", std::to_string(domain_).c_str(), 1);
     fs::remove_all(folder_);
     fs::create_directories(folder_);
   }
@@ -66,7 +60,7 @@ class Daemon : public ::testing::Test {
     return {code, contents(process.err())};
   }
 
-  const int domain_ = 1 + getpid() % 100;
+  const int domain_ = test::own_dds_domain();
   const fs::path folder_ =
       fs::path(::testing::TempDir()) / ("wb_daemon_" + std::to_string(getpid()));
 };

@@ -3,50 +3,29 @@
 // statuses, publishes snapshots.
 #pragma once
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <atomic>
-#include <chrono>
-#include <cstdlib>
-#include <functional>
 #include <memory>
 #include <string>
-#include <thread>
 
 #include "core/rt/latest.hpp"
 #include "core/rt/queue.hpp"
 #include "daemon/service/client.hpp"
 #include "daemon/service/service.hpp"
+#include "tests/dds_domain.hpp"
 
 namespace wb {
 
-// Bound on anything that DDS discovery or delivery has to do; reached only when a test fails.
-inline constexpr double kPatienceS = 10;
-
-inline bool wait_until(const std::function<bool()>& condition, double timeout_s = kPatienceS) {
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(timeout_s);
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > deadline) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
-  return true;
-}
+using test::kPatienceS, test::wait_until;
 
 class ServiceTest : public ::testing::Test {
  protected:
   static constexpr TimeNs kNow = 5 * kNanosPerSecond;  // a virtual clock that stands still
 
-  // The tag keeps tests apart that run at the same time: participants with different tags ignore
-  // each other.
-  static void SetUpTestSuite() {
-    const std::string uri =
-        "file://" WB_SOURCE_DIR
-        "/config/cyclonedds_loopback.xml,<CycloneDDS><Domain><Discovery><Tag>wb_test_" +
-        std::to_string(getpid()) + "</Tag></Discovery></Domain></CycloneDDS>";
-    setenv("CYCLONEDDS_URI", uri.c_str(), 1);
+  static int domain() {
+    static const int own = test::own_dds_domain();
+    return own;
   }
-
-  static int domain() { return 1 + getpid() % 100; }
 
   static ServiceOptions options() {
     ServiceOptions options;

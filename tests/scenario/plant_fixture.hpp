@@ -8,6 +8,7 @@
 #include <regex>
 
 #include "tests/daemon/process.hpp"
+#include "tests/dds_domain.hpp"
 
 namespace wb::test {
 
@@ -15,6 +16,7 @@ struct PlantOptions {
   bool can = true;           // false: DDS alone
   std::string mode = "csp";  // of the arm's drives
   bool paced = true;         // false: real time
+  bool gripper = false;      // behind a simulated Robotiq, at gripper_port()
   std::string spawn = "random";
   int seed = 1;
 };
@@ -25,12 +27,6 @@ inline constexpr int kPlantPriority = 85;
 class PlantTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    const std::string uri =
-        "file://" WB_SOURCE_DIR
-        "/config/cyclonedds_loopback.xml,<CycloneDDS><Domain><Discovery><Tag>wb_test_" +
-        std::to_string(getpid()) + "</Tag></Discovery></Domain></CycloneDDS>";
-    setenv("CYCLONEDDS_URI", uri.c_str(), 1);
-    setenv("ROS_DOMAIN_ID", std::to_string(domain_).c_str(), 1);
     fs::remove_all(folder_);
     fs::create_directories(folder_);
   }
@@ -45,6 +41,7 @@ class PlantTest : public ::testing::Test {
     write("daemon.yaml", adapt(contents(config_ / ("wholebodyd_" + kind + ".yaml")), o));
     std::string plant = adapt(contents(config_ / ("plant_" + kind + ".yaml")), o);
     replace(plant, "can: .*\\.yaml.*", "can: daemon.yaml");
+    if (o.gripper) plant += "gripper: {port: gripper, opening_max_m: 0.08}\n";
     write("plant.yaml", plant);
     plant_ = std::make_unique<Process>(
         std::vector<std::string>{WB_PLANT, "--config", folder_ / "plant.yaml", "--journal",
@@ -54,10 +51,11 @@ class PlantTest : public ::testing::Test {
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
   fs::path daemon_file() const { return folder_ / "daemon.yaml"; }
+  fs::path gripper_port() const { return folder_ / "gripper"; }
   Process& plant() { return *plant_; }
   std::string plant_said() const { return contents(folder_ / "plant.err"); }
 
-  const int domain_ = 1 + getpid() % 100;
+  const int domain_ = own_dds_domain();
   const fs::path folder_ =
       fs::path(::testing::TempDir()) / ("wb_plant_" + std::to_string(getpid()));
 

@@ -1,5 +1,6 @@
 // The drawer opens on a robot in another process: CiA 402 drives in position and in torque mode,
 // and a low-level computer that speaks DDS; in virtual time that the bus paces.
+#include "drivers/plugin.hpp"
 #include "tests/scenario/plant_fixture.hpp"
 #include "tests/scenario/run.hpp"
 
@@ -35,6 +36,30 @@ TEST_F(Plant, DrawerOpensOverCanWithPositionDrives) { opens_the_drawer({.mode = 
 TEST_F(Plant, DrawerOpensOverCanWithTorqueDrives) { opens_the_drawer({.mode = "cst"}); }
 
 TEST_F(Plant, DrawerOpensOverDds) { opens_the_drawer({.can = false}); }
+
+TEST_F(Plant, FingersFollowTheRobotiqPlugin) {
+  start_plant({.can = false, .paced = false, .gripper = true});
+  const std::string config =
+      "{device: " + gripper_port().string() + ", opening_max_m: 0.08, silence_max_ms: 5000}";
+  wb::Plugin gripper(
+      {WB_BUILD_DIR "/drivers/libwb_driver_robotiq.so", config, "/"}, "robotiq",
+      [](void*, wb_log_level, const char* text) { std::fprintf(stderr, "%s\n", text); }, nullptr);
+  const wb_driver_api& api = gripper.api();
+  constexpr std::int64_t kTimeout_ns = 5'000'000'000;
+  ASSERT_EQ(api.activate(gripper.get(), kTimeout_ns, nullptr), WB_OK);
+  // What is read is where the plant's fingers are: the stand-in for the gripper moves none itself.
+  for (const double opening_m : {0.02, 0.06}) {
+    wb_commands commands{};
+    commands.gripper = {opening_m, 40};
+    wb_readings readings{};
+    EXPECT_TRUE(test::wait_until([&] {
+      EXPECT_EQ(api.write(gripper.get(), &commands), WB_OK);
+      return api.read(gripper.get(), &readings) == WB_OK && readings.gripper.valid &&
+             std::abs(readings.gripper.opening - opening_m) < 0.002;
+    })) << readings.gripper.opening
+        << "; " << plant_said();
+  }
+}
 
 TEST_F(Plant, WrongConfigurationIsNamedAndEndsTheProcess) {
   start_plant({.mode = "cps"});

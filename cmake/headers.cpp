@@ -1,0 +1,1 @@
+// Empty: the precompiled headers of Wholebody.cmake need a source.
