@@ -4,6 +4,7 @@
 # this machine does. KVM is not chosen because /dev/kvm exists: there are machines where it opens and boots nothing.
 
 readonly vm=$root/build/vm
+vm_devices=()  # what else the guest has, as arguments of QEMU
 
 # A test that cannot run is neither passed nor failed: it says so, and the exit code is 77.
 vm_skip() {
@@ -89,11 +90,11 @@ END
 }
 
 # vm_boot SECONDS COMMAND...: runs the command as root in the guest, in this folder; its exit code is this function's. The guest
-# finds its kernel's name in KERNEL and can modprobe.
+# finds its kernel's name in KERNEL and can modprobe. Console, output and exit code are in $out afterwards.
 vm_boot() {
   local limit_s=$1 code=0
   shift
-  out=$vm/out
+  out=$vm/out-$(basename "$0")
   rm -rf "$out"
   mkdir -p "$out"
   cat >"$out/init" <<END
@@ -115,6 +116,7 @@ END
     -fsdev local,id=host,path=/,security_model=none,readonly=on,multidevs=remap \
     -device virtio-9p-pci,fsdev=host,mount_tag=host \
     -fsdev "local,id=out,path=$out,security_model=none" -device virtio-9p-pci,fsdev=out,mount_tag=out \
+    "${vm_devices[@]}" \
     </dev/null >"$out/qemu.log" 2>&1 || code=$?
   if [ ! -s "$out/code" ]; then
     echo "FAIL: the guest did not end by itself (QEMU's exit code $code)"
