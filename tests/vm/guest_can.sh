@@ -5,9 +5,11 @@ set -e
 for module in can can-raw vcan vxcan sch_netem kvaser_pci; do modprobe "$module" || echo "no module $module"; done
 ip link add vxa type vxcan peer name vxb
 ip link add vxc type vxcan peer name vxd
+ip link add vxe type vxcan peer name vxf
 ip link add vcan0 type vcan
-for interface in can0 can1; do ip link set $interface type can bitrate 1000000 restart-ms 100; done
-for interface in vxa vxb vxc vxd vcan0 can0 can1; do ip link set $interface txqueuelen 256 up; done
+cards=$(cd /sys/class/net && ls -d can[0-9] 2>/dev/null || true)  # where the guest has Kvaser cards
+for interface in $cards; do ip link set $interface type can bitrate 1000000 restart-ms 100; done
+for interface in vxa vxb vxc vxd vxe vxf vcan0 $cards; do ip link set $interface txqueuelen 256 up; done
 memory=/run/memory
 mkdir -p $memory/{proc,sys,dev}
 for file in /bin/sh /sbin/ip /sbin/tc "$PWD/build/release/drivers/libwb_driver_can.so" "$PWD/$1"; do

@@ -145,19 +145,22 @@ class Master {
       next = std::max(next + kCycle, RealTime::monotonic());
       const timespec at{next / kNanosPerSecond, next % kNanosPerSecond};
       clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, nullptr);
-      (void)api_->read(driver_, &readings_);
-      if (readings_.timed_out && stopped_at_ < 0) stopped_at_ = RealTime::monotonic();
-      wb_commands c{};
-      c.t_ns = RealTime::monotonic();
-      for (std::uint32_t j = 0; j < description_.joint_count; ++j) {
-        c.joints[j].kind = WB_CMD_POSITION;
-        c.joints[j].position = readings_.joints[j].position;
-      }
-      written_ = api_->write(driver_, &c);
+      tick();
     }
   }
-  // The same while an ordinary thread has the shell run a command.
-  void run_during(const std::string& command) {
+  void tick() {
+    (void)api_->read(driver_, &readings_);
+    if (readings_.timed_out && stopped_at_ < 0) stopped_at_ = RealTime::monotonic();
+    wb_commands c{};
+    c.t_ns = RealTime::monotonic();
+    for (std::uint32_t j = 0; j < description_.joint_count; ++j) {
+      c.joints[j].kind = WB_CMD_POSITION;
+      c.joints[j].position = readings_.joints[j].position;
+    }
+    written_ = api_->write(driver_, &c);
+  }
+  // The same while an ordinary thread has the shell run a command; returns when that ended.
+  TimeNs run_during(const std::string& command) {
     std::atomic<bool> done{false};
     std::thread thread([&] {
       set_priority(pthread_self(), 0);
@@ -165,7 +168,9 @@ class Master {
       done = true;
     });
     run(60, [&] { return done.load(); });
+    const TimeNs end = RealTime::monotonic();
     thread.join();
+    return end;
   }
   bool all(wb_joint_status status) const {
     for (std::uint32_t j = 0; j < description_.joint_count; ++j) {
@@ -192,6 +197,7 @@ class Master {
   // All stand, latched: commands are refused.
   bool stopped() const { return readings_.timed_out && written_ == WB_TIMED_OUT; }
   TimeNs stopped_at() const { return stopped_at_; }
+  TimeNs last_answer() const { return readings_.t_ns; }
   void forget_stop() { stopped_at_ = -1; }
   const std::string& log() const { return log_; }
 
@@ -307,7 +313,7 @@ class SocketCan : public ::testing::Test {
     const std::uint64_t silent = master.count("command_timeout");
     master.forget_stop();
     const TimeNs start = RealTime::monotonic();
-    master.run_during(row.begin);
+    const TimeNs end = master.run_during(row.begin);
     master.run(0.5);
     EXPECT_TRUE(master.stopped()) << master.log();
     EXPECT_TRUE(master.none_follows()) << master.log();
@@ -315,8 +321,9 @@ class SocketCan : public ::testing::Test {
     if (row.meanwhile) row.meanwhile();
     for (std::size_t i = 0; i < before.size(); ++i)
       EXPECT_GT(master.count(row.metrics[i]), before[i]) << row.metrics[i] << "\n" << master.log();
-    std::printf("%s: all stand %.1f ms after the command's start\n", row.begin.c_str(),
-                1e3 * to_seconds(master.stopped_at() - start));
+    std::printf("%s: all stand %.1f ms after the command's start, %.1f ms after its end\n",
+                row.begin.c_str(), 1e3 * to_seconds(master.stopped_at() - start),
+                1e3 * to_seconds(master.stopped_at() - end));
     const std::uint64_t stopped = followed();
     master.run_during(row.end);
     master.run(1);

@@ -1,4 +1,4 @@
-# Sourced by tests/vm/run: a throw-away QEMU guest on a Debian kernel that is unpacked and never installed.
+# Sourced by tests/vm/run and tests/vm/rt: a throw-away QEMU guest on a Debian kernel that is unpacked and never installed.
 # The guest's root is this machine's, read-only over 9p under an overlay in its memory; so the build tree's programs run in it
 # as they are. Emulated (TCG) and counted in instructions (-icount), so that the guest's time does not depend on what else
 # this machine does. KVM is not chosen because /dev/kvm exists: there are machines where it opens and boots nothing.
@@ -26,13 +26,13 @@ vm_need_packages() {
     >"$vm/apt.log" 2>&1 || vm_skip "the packages ${missing[*]} cannot be installed ($vm/apt.log)"
 }
 
-# vm_kernel: fetches and unpacks the package that linux-image-amd64 names, once. Sets release, kernel (an uncompressed vmlinux:
+# vm_kernel METAPACKAGE: fetches and unpacks the kernel that it names (linux-image-amd64), once. Sets release, kernel (an uncompressed vmlinux:
 # booted by PVH it is there in half the time), modules, initrd.
 vm_kernel() {
   local package folder offset
   mkdir -p "$vm"
-  package=$(apt-cache depends linux-image-amd64 2>/dev/null | sed -n 's/^ *Depends: \(linux-image-[0-9].*\)/\1/p' | head -n 1)
-  [ -n "$package" ] || vm_skip "no package linux-image-amd64 is known here (apt-get update?)"
+  package=$(apt-cache depends "$1" 2>/dev/null | sed -n 's/^ *Depends: \(linux-image-[0-9].*\)/\1/p' | head -n 1)
+  [ -n "$package" ] || vm_skip "no package $1 is known here (apt-get update?)"
   release=${package#linux-image-}
   folder=$vm/$package
   modules=$folder/lib/modules/$release
