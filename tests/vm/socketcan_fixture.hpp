@@ -321,9 +321,10 @@ class SocketCan : public ::testing::Test {
     if (row.meanwhile) row.meanwhile();
     for (std::size_t i = 0; i < before.size(); ++i)
       EXPECT_GT(master.count(row.metrics[i]), before[i]) << row.metrics[i] << "\n" << master.log();
-    std::printf("%s: all stand %.1f ms after the command's start, %.1f ms after its end\n",
-                row.begin.c_str(), 1e3 * to_seconds(master.stopped_at() - start),
-                1e3 * to_seconds(master.stopped_at() - end));
+    if (master.stopped_at() >= 0)
+      std::printf("%s: all stand %.1f ms after the command's start, %.1f ms after its end\n",
+                  row.begin.c_str(), 1e3 * to_seconds(master.stopped_at() - start),
+                  1e3 * to_seconds(master.stopped_at() - end));
     const std::uint64_t stopped = followed();
     master.run_during(row.end);
     master.run(1);

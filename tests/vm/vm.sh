@@ -5,6 +5,7 @@
 
 readonly vm=$root/build/vm
 vm_devices=()  # what else the guest has, as arguments of QEMU
+vm_shift=1     # an instruction takes 2^shift ns of guest time
 
 # A test that cannot run is neither passed nor failed: it says so, and the exit code is 77.
 vm_skip() {
@@ -110,7 +111,7 @@ sync
 /bin/busybox poweroff -f
 END
   timeout --foreground "$limit_s" qemu-system-x86_64 -M pc -accel tcg,thread=single -cpu max -smp 1 -m 1024 \
-    -icount shift=1,sleep=off,align=off -nodefaults -no-user-config -no-reboot -display none -monitor none \
+    -icount "shift=$vm_shift,sleep=off,align=off" -nodefaults -no-user-config -no-reboot -display none -monitor none \
     -kernel "$kernel" -initrd "$initrd" -append "console=ttyS0 quiet panic=-1 nokaslr mitigations=off tsc=reliable" \
     -chardev "file,id=console,path=$out/console" -serial chardev:console \
     -fsdev local,id=host,path=/,security_model=none,readonly=on,multidevs=remap \
