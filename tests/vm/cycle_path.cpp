@@ -89,7 +89,8 @@ int run(double seconds) {
       cycle.values.push_back(buses - last_buses + own);
       answers.values.push_back(master.last_answer() - last_woke);
     }
-    while (burn > 0 && read_clock(CLOCK_THREAD_CPUTIME_ID) - start < burn) {
+    const TimeNs burnt = read_clock(CLOCK_THREAD_CPUTIME_ID) + burn;
+    while (burn > 0 && read_clock(CLOCK_THREAD_CPUTIME_ID) < burnt) {
     }
     own = read_clock(CLOCK_THREAD_CPUTIME_ID) - start;
   }

@@ -93,6 +93,24 @@ TEST_F(SocketCan, FullTransmitQueueRefusesFramesAndStops) {
               {netem("vxa", "rate 20kbit limit 5"), no_netem("vxa"), {"frames_refused"}});
 }
 
+// The kernel stamps received frames with CLOCK_REALTIME.
+TEST_F(SocketCan, StepOfTheClockStopsNothing) {
+  Drives drives("vxb", 1, kDrives);
+  Master master(config());
+  ASSERT_TRUE(master.start()) << master.log();
+  for (const time_t step : {3600, -7200, 3600}) {
+    const std::uint64_t late = master.count("tpdo_late");
+    timespec t;
+    ASSERT_EQ(clock_gettime(CLOCK_REALTIME, &t), 0);
+    t.tv_sec += step;
+    ASSERT_EQ(clock_settime(CLOCK_REALTIME, &t), 0);
+    master.run(0.5);
+    // At most what had been received and not yet taken.
+    EXPECT_LE(master.count("tpdo_late") - late, static_cast<std::uint64_t>(kDrives));
+    EXPECT_TRUE(master.all(WB_JOINT_FOLLOWING)) << master.log();
+  }
+}
+
 TEST_F(SocketCan, ForeignTrafficIsCountedAndStopsNothing) {
   Drives drives("vxb", 1, kDrives);
   Master master(config());
@@ -134,8 +152,11 @@ TEST_F(SocketCan, BusOffStopsAndOnlyAnActivationStartsAgain) {
   master.run(0.1);
   EXPECT_GT(master.count("bus_off"), 0u);
   EXPECT_TRUE(master.none_follows());
+  const std::uint64_t followed = drives.followed();
   stranger.send(CAN_ERR_FLAG | 0x100, {0, 0, 0, 0, 0, 0, 0, 0});  // controller restarted
-  master.run(0.3);
+  master.run(1);
+  EXPECT_EQ(drives.followed(), followed);
+  EXPECT_TRUE(master.stopped());
   EXPECT_TRUE(master.none_follows());
   EXPECT_TRUE(master.activate()) << master.log();
 }
