@@ -81,8 +81,7 @@ class Drives {
       bus_.advance(RealTime::monotonic() - start_);  // its clock begins at 0
       // What the kernel's queue has no room for is lost, as on a real drive.
       for (int n; (n = wire_.receive(frames.data(), 64)) > 0;) port_.send(frames.data(), n);
-      // A socket without a link is always readable: polling it would take the guest's only
-      // processor.
+      // Not without a pause: a socket opened on an interface that is down is readable at once.
       if (!carries_frames(port_.status().state)) {
         port_.reopen();
         const timespec pause{0, 5'000'000};
