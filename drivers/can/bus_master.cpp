@@ -88,7 +88,8 @@ void BusMaster::check_link(TimeNs now) RT_SAFE {
     return;
   }
   port_.flush();
-  if (carries_frames(before.state) || (was_active_ && !latch_.stopped())) {
+  // An adapter that is pulled goes down first; that it has gone then is news.
+  if (before.state != status_.state || (was_active_ && !latch_.stopped())) {
     if (status_.state == LinkState::kDown) report(Event::kLinkDown);
     if (status_.state == LinkState::kGone) report(Event::kLinkGone);
     if (status_.state == LinkState::kBusOff && was_active_) report(Event::kBusOff, bus_offs);

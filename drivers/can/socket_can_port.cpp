@@ -137,13 +137,9 @@ void SocketCanPort::refresh_link() RT_SAFE {
 }
 
 bool SocketCanPort::reopen() RT_SAFE {
-  const PortStatus before = status_;
-  if (open() != nullptr || !carries_frames(status_.state)) {
-    if (socket_ < 0 || index_ == 0) status_.state = LinkState::kGone;
-    if (carries_frames(status_.state)) status_.state = before.state;
-    return false;
-  }
-  return true;
+  // What cannot be opened is gone, also if it was only down before.
+  if (open() != nullptr) status_.state = LinkState::kGone;
+  return carries_frames(status_.state);
 }
 
 int SocketCanPort::queued_bytes() const RT_SAFE {

@@ -16,9 +16,11 @@
 #include <atomic>
 #include <cstdlib>
 #include <cstring>
+#include <functional>
 #include <memory>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "core/rt/executor.hpp"
 #include "drivers/can/node/cia402_node.hpp"
@@ -29,10 +31,11 @@ namespace wb::can {
 
 inline constexpr TimeNs kCycle = 2'500'000;
 
-inline void raise_priority(pthread_t thread, int priority) {
+// 0: an ordinary thread.
+inline void set_priority(pthread_t thread, int priority) {
   sched_param param{};
   param.sched_priority = priority;
-  pthread_setschedparam(thread, SCHED_FIFO, &param);
+  pthread_setschedparam(thread, priority > 0 ? SCHED_FIFO : SCHED_OTHER, &param);
 }
 
 // A command of the guest's shell; its failure is the test's.
@@ -52,7 +55,7 @@ class Drives {
       nodes_.push_back(std::make_unique<Cia402Node>(o, bus_, *models_.back()));
     }
     thread_ = std::thread([this] { run(); });
-    raise_priority(thread_.native_handle(), 75);
+    set_priority(thread_.native_handle(), 75);
   }
   ~Drives() {
     stopping_ = true;
@@ -78,7 +81,12 @@ class Drives {
       bus_.advance(RealTime::monotonic() - start_);  // its clock begins at 0
       // What the kernel's queue has no room for is lost, as on a real drive.
       for (int n; (n = wire_.receive(frames.data(), 64)) > 0;) port_.send(frames.data(), n);
-      if (!carries_frames(port_.status().state)) port_.reopen();
+      // Not without a pause: a socket opened on an interface that is down is readable at once.
+      if (!carries_frames(port_.status().state)) {
+        port_.reopen();
+        const timespec pause{0, 5'000'000};
+        nanosleep(&pause, nullptr);
+      }
       std::uint64_t followed = 0;
       int enabled = 0;
       for (const auto& node : nodes_) {
@@ -125,26 +133,43 @@ class Master {
       if (api_->activate(driver_, 100'000'000, actions.data()) == WB_OK) break;
       run(0.01);
     }
-    for (int i = 0; i < 400 && !all(WB_JOINT_FOLLOWING); ++i) run(kCycle * 1e-9);
+    run(1, [this] { return all(WB_JOINT_FOLLOWING); });
     return all(WB_JOINT_FOLLOWING);
   }
-  // Reads and writes each cycle: every joint where it is.
-  void run(double seconds) {
+  // Reads and writes each cycle: every joint where it is; ends early when `until` says so.
+  void run(double seconds, const std::function<bool()>& until = {}) {
     const auto cycles = static_cast<std::int64_t>(seconds * 1e9 / kCycle + 0.5);
     TimeNs next = RealTime::monotonic();
-    for (std::int64_t i = 0; i < cycles; ++i) {
+    for (std::int64_t i = 0; i < cycles && !(until && until()); ++i) {
       next = std::max(next + kCycle, RealTime::monotonic());
       const timespec at{next / kNanosPerSecond, next % kNanosPerSecond};
       clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, nullptr);
-      result_ = api_->read(driver_, &readings_);
-      wb_commands c{};
-      c.t_ns = RealTime::monotonic();
-      for (std::uint32_t j = 0; j < description_.joint_count; ++j) {
-        c.joints[j].kind = WB_CMD_POSITION;
-        c.joints[j].position = readings_.joints[j].position;
-      }
-      (void)api_->write(driver_, &c);
+      tick();
     }
+  }
+  void tick() {
+    (void)api_->read(driver_, &readings_);
+    if (readings_.timed_out && stopped_at_ < 0) stopped_at_ = RealTime::monotonic();
+    wb_commands c{};
+    c.t_ns = RealTime::monotonic();
+    for (std::uint32_t j = 0; j < description_.joint_count; ++j) {
+      c.joints[j].kind = WB_CMD_POSITION;
+      c.joints[j].position = readings_.joints[j].position;
+    }
+    written_ = api_->write(driver_, &c);
+  }
+  // The same while an ordinary thread has the shell run a command; returns when that ended.
+  TimeNs run_during(const std::string& command) {
+    std::atomic<bool> done{false};
+    std::thread thread([&] {
+      set_priority(pthread_self(), 0);
+      shell(command);
+      done = true;
+    });
+    run(60, [&] { return done.load(); });
+    const TimeNs end = RealTime::monotonic();
+    thread.join();
+    return end;
   }
   bool all(wb_joint_status status) const {
     for (std::uint32_t j = 0; j < description_.joint_count; ++j) {
@@ -168,6 +193,11 @@ class Master {
     ADD_FAILURE() << "no counter " << name;
     return 0;
   }
+  // All stand, latched: commands are refused.
+  bool stopped() const { return readings_.timed_out && written_ == WB_TIMED_OUT; }
+  TimeNs stopped_at() const { return stopped_at_; }
+  TimeNs last_answer() const { return readings_.t_ns; }
+  void forget_stop() { stopped_at_ = -1; }
   const std::string& log() const { return log_; }
 
  private:
@@ -179,7 +209,8 @@ class Master {
   const wb_diagnostics* diagnostics_ = nullptr;
   wb_description description_{};
   wb_readings readings_{};
-  wb_status result_ = WB_OK;
+  wb_status written_ = WB_OK;
+  TimeNs stopped_at_ = -1;
   std::string log_;
 };
 
@@ -210,25 +241,98 @@ class Stranger {
   int socket_;
 };
 
-// Drives 1 to `drives` on vxa, and, where there are two buses, as many on vxc. Bus threads of the
-// plugin at priority 80.
-inline std::string config(int drives, int buses = 1,
-                          const std::string& supervision = "{velocity_every: 12}") {
-  std::string text = "{sync_rate_hz: 400, supervision: " + supervision + ", buses: [";
-  const char* interfaces[] = {"vxa", "vxc"};
-  for (int b = 0; b < buses; ++b)
-    text += std::string("{name: ") + interfaces[b] +
-            ", type: socketcan, interface: " + interfaces[b] +
-            ", bit_rate: 1000000, priority: 80},";
+struct Setup {
+  std::vector<std::string> interfaces = {"vxa"};
+  int drives = 6;  // on each, nodes 1, 2, ...
+  int sync_rate_hz = 400;
+  int bit_rate = 1'000'000;
+};
+
+// The plugin's configuration; its bus threads have priority 80.
+inline std::string config(const Setup& s = {}) {
+  std::string text = "{sync_rate_hz: " + std::to_string(s.sync_rate_hz) +
+                     ", supervision: {velocity_every: 12}, buses: [";
+  for (const std::string& i : s.interfaces)
+    text += "{name: " + i + ", type: socketcan, interface: " + i +
+            ", bit_rate: " + std::to_string(s.bit_rate) + ", priority: 80},";
   text += "], drives: [";
-  for (int b = 0; b < buses; ++b) {
-    for (int i = 0; i < drives; ++i)
-      text += "{joint: j" + std::to_string(b * drives + i) + ", bus: " + interfaces[b] +
-              ", node: " + std::to_string(1 + i) +
+  for (const std::string& i : s.interfaces) {
+    for (int node = 1; node <= s.drives; ++node)
+      text += "{joint: " + i + "_" + std::to_string(node) + ", bus: " + i +
+              ", node: " + std::to_string(node) +
               ", mode: csp, counts_per_rad: 1.0e5, torque_per_permille_nm: 0.1, "
               "velocity_max_radps: 3, effort_max_nm: 100},";
   }
   return text + "]}";
 }
+
+constexpr int kDrives = 6;
+
+// tests/vm/guest_can.sh has made the pairs vxa-vxb and vxc-vxd, vcan0, and can0 and can1 of two
+// Kvaser cards on one bus.
+class SocketCan : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    mlockall(MCL_CURRENT | MCL_FUTURE);
+    set_priority(pthread_self(), 70);
+    restore();
+  }
+  void TearDown() override { restore(); }
+  void restore() {
+    for (const char* i : {"vxa", "vxb", "vxc", "vxd"}) {
+      (void)!std::system((std::string("tc qdisc del dev ") + i + " root 2>/dev/null").c_str());
+      shell(std::string("ip link set ") + i + " up");
+    }
+  }
+  // What happens to the frames that leave an interface.
+  static std::string netem(const std::string& interface, const std::string& what) {
+    return "tc qdisc replace dev " + interface + " root netem " + what;
+  }
+  static std::string no_netem(const std::string& interface) {
+    return "tc qdisc del dev " + interface + " root";
+  }
+
+  // A row of the fault list that stops. begin, end: the shell's commands.
+  struct Row {
+    std::string begin, end;
+    std::vector<std::string> metrics;      // all of these count
+    std::function<void()> meanwhile = {};  // while the fault lasts, after the stop
+  };
+  // Detection, reaction, latch, recovery: counted, every joint stands, nothing moves when the fault
+  // is over, and an activation brings all of them back.
+  static void expect_stop(Master& master, const std::vector<const Drives*>& drives,
+                          const Row& row) {
+    const auto followed = [&] {
+      std::uint64_t n = 0;
+      for (const Drives* d : drives) n += d->followed();
+      return n;
+    };
+    std::vector<std::uint64_t> before;
+    for (const std::string& m : row.metrics) before.push_back(master.count(m));
+    const std::uint64_t silent = master.count("command_timeout");
+    master.forget_stop();
+    const TimeNs start = RealTime::monotonic();
+    const TimeNs end = master.run_during(row.begin);
+    master.run(0.5);
+    EXPECT_TRUE(master.stopped()) << master.log();
+    EXPECT_TRUE(master.none_follows()) << master.log();
+    EXPECT_EQ(master.count("command_timeout"), silent) << "the controller was late, not the fault";
+    if (row.meanwhile) row.meanwhile();
+    for (std::size_t i = 0; i < before.size(); ++i)
+      EXPECT_GT(master.count(row.metrics[i]), before[i]) << row.metrics[i] << "\n" << master.log();
+    if (master.stopped_at() >= 0)
+      std::printf("%s: all stand %.1f ms after the command's start, %.1f ms after its end\n",
+                  row.begin.c_str(), 1e3 * to_seconds(master.stopped_at() - start),
+                  1e3 * to_seconds(master.stopped_at() - end));
+    const std::uint64_t stopped = followed();
+    master.run_during(row.end);
+    master.run(1);
+    EXPECT_EQ(followed(), stopped) << "a drive followed without an activation";
+    EXPECT_TRUE(master.stopped());
+    EXPECT_TRUE(master.none_follows());
+    EXPECT_TRUE(master.activate()) << master.log();
+    EXPECT_GT(followed(), stopped);
+  }
+};
 
 }  // namespace wb::can

@@ -1,9 +1,11 @@
-# Sourced by tests/vm/run: a throw-away QEMU guest on a Debian kernel that is unpacked and never installed.
+# Sourced by tests/vm/run and tests/vm/rt: a throw-away QEMU guest on a Debian kernel that is unpacked and never installed.
 # The guest's root is this machine's, read-only over 9p under an overlay in its memory; so the build tree's programs run in it
 # as they are. Emulated (TCG) and counted in instructions (-icount), so that the guest's time does not depend on what else
 # this machine does. KVM is not chosen because /dev/kvm exists: there are machines where it opens and boots nothing.
 
 readonly vm=$root/build/vm
+vm_devices=()  # what else the guest has, as arguments of QEMU
+vm_shift=1     # an instruction takes 2^shift ns of guest time
 
 # A test that cannot run is neither passed nor failed: it says so, and the exit code is 77.
 vm_skip() {
@@ -25,13 +27,13 @@ vm_need_packages() {
     >"$vm/apt.log" 2>&1 || vm_skip "the packages ${missing[*]} cannot be installed ($vm/apt.log)"
 }
 
-# vm_kernel: fetches and unpacks the package that linux-image-amd64 names, once. Sets release, kernel (an uncompressed vmlinux:
+# vm_kernel METAPACKAGE: fetches and unpacks the kernel that it names (linux-image-amd64), once. Sets release, kernel (an uncompressed vmlinux:
 # booted by PVH it is there in half the time), modules, initrd.
 vm_kernel() {
   local package folder offset
   mkdir -p "$vm"
-  package=$(apt-cache depends linux-image-amd64 2>/dev/null | sed -n 's/^ *Depends: \(linux-image-[0-9].*\)/\1/p' | head -n 1)
-  [ -n "$package" ] || vm_skip "no package linux-image-amd64 is known here (apt-get update?)"
+  package=$(apt-cache depends "$1" 2>/dev/null | sed -n 's/^ *Depends: \(linux-image-[0-9].*\)/\1/p' | head -n 1)
+  [ -n "$package" ] || vm_skip "no package $1 is known here (apt-get update?)"
   release=${package#linux-image-}
   folder=$vm/$package
   modules=$folder/lib/modules/$release
@@ -89,11 +91,11 @@ END
 }
 
 # vm_boot SECONDS COMMAND...: runs the command as root in the guest, in this folder; its exit code is this function's. The guest
-# finds its kernel's name in KERNEL and can modprobe.
+# finds its kernel's name in KERNEL and can modprobe. Console, output and exit code are in $out afterwards.
 vm_boot() {
   local limit_s=$1 code=0
   shift
-  out=$vm/out
+  out=$vm/out-$(basename "$0")
   rm -rf "$out"
   mkdir -p "$out"
   cat >"$out/init" <<END
@@ -109,12 +111,13 @@ sync
 /bin/busybox poweroff -f
 END
   timeout --foreground "$limit_s" qemu-system-x86_64 -M pc -accel tcg,thread=single -cpu max -smp 1 -m 1024 \
-    -icount shift=1,sleep=off,align=off -nodefaults -no-user-config -no-reboot -display none -monitor none \
+    -icount "shift=$vm_shift,sleep=off,align=off" -nodefaults -no-user-config -no-reboot -display none -monitor none \
     -kernel "$kernel" -initrd "$initrd" -append "console=ttyS0 quiet panic=-1 nokaslr mitigations=off tsc=reliable" \
     -chardev "file,id=console,path=$out/console" -serial chardev:console \
     -fsdev local,id=host,path=/,security_model=none,readonly=on,multidevs=remap \
     -device virtio-9p-pci,fsdev=host,mount_tag=host \
     -fsdev "local,id=out,path=$out,security_model=none" -device virtio-9p-pci,fsdev=out,mount_tag=out \
+    "${vm_devices[@]}" \
     </dev/null >"$out/qemu.log" 2>&1 || code=$?
   if [ ! -s "$out/code" ]; then
     echo "FAIL: the guest did not end by itself (QEMU's exit code $code)"

@@ -726,16 +726,15 @@ const std::vector<NotCovered>& faults_not_covered() {
   static const std::vector<NotCovered> list = {
       {28, "a real transition to bus-off and back, ACK and bit errors",
        "needs two real controllers on a wire: neither vcan nor QEMU's cards produce it; the suite "
-       "has the "
-       "port report it"},
+       "has the port report it, the VM suite the kernel's error frames"},
       {30, "USB adapter pulled, plugged again with another index",
-       "needs a kernel interface: the VM suite deletes and recreates one"},
+       "needs a kernel interface: the VM suite deletes and recreates a virtual one"},
       {31, "wrong bit rate, wrong FD mode on a wire",
-       "needs real controllers; the suite has nobody understand the master"},
+       "needs real controllers; the suite has nobody understand the master, the VM suite has the "
+       "kernel tell another bit rate than configured"},
       {34, "SIGSTOP, SIGKILL, SIGSEGV of the daemon",
        "needs a process: the suite stops calling the driver, the drives see the same silence"},
-      {36, "step of CLOCK_REALTIME",
-       "the suite has no such clock; the driver reads CLOCK_MONOTONIC only"},
+      {36, "step of CLOCK_REALTIME", "the suite has no such clock: the VM suite steps it"},
       {40, "gripper link (Modbus)", "this driver has no gripper"},
   };
   return list;

@@ -235,6 +235,21 @@ TEST(CanDriver, EmergencyFloodIsCountedButHardlyLogged) {
 
 // ---- the step itself ---------------------------------------------------------------------------
 
+TEST(CanDriver, InterfaceThatWasDownFirstIsToldAsGone) {
+  Rig rig;
+  ASSERT_TRUE(rig.start()) << rig.log();
+  InProcessBus& bus = *rig.buses[0];
+  bus.set_link(*rig.bus_ports[0], LinkState::kDown);
+  rig.run(0.1);
+  EXPECT_EQ(rig.driver->count(Event::kLinkDown), 1u);
+  EXPECT_EQ(rig.driver->count(Event::kLinkGone), 0u);
+  bus.set_link(*rig.bus_ports[0], LinkState::kGone);
+  rig.run(0.1);
+  EXPECT_EQ(rig.driver->count(Event::kLinkGone), 1u);
+  EXPECT_NE(rig.log().find("has gone"), std::string::npos) << rig.log();
+  EXPECT_EQ(rig.driver->count(Event::kLinkBack), 0u);
+}
+
 TEST(CanDriver, PortsAllocateNothing) {
   if (!allocations_are_counted()) GTEST_SKIP() << "a sanitizer owns malloc";
   Rig rig;
