@@ -19,6 +19,7 @@ namespace {
 
 constexpr int kDrives = 2;
 constexpr std::size_t kHeader = 2, kRecord = 12;  // bytes
+constexpr int kTicks = 12;                        // of a record: time goes on to the next tick
 constexpr double kMarginRad = 0.1 * 4;            // by which a drive may hold beyond its range
 
 void promise(bool kept, const char* what) {
@@ -131,26 +132,22 @@ Tally run_one(const std::uint8_t* data, std::size_t size) {
     const std::uint8_t* record = data + at;
     rig.ports[0]->inject.insert(rig.ports[0]->inject.begin(),
                                 frame_of(record, rig.buses[0]->now() + record[3] * 4096));
-    // After most frames time goes on; now and then the host does something.
-    switch (record[0] & 15) {
-      case 0:
-        break;
-      case 1:
-        (void)rig.driver->deactivate();
-        break;
-      case 2:
-        if (rig.driver->state() == WB_UNCONFIGURED) (void)rig.driver->configure();
-        (void)rig.activate();
-        break;
-      case 3:
-        (void)rig.driver->stop();
-        break;
-      default:
-        if (rig.driver->state() == WB_UNCONFIGURED) {
-          (void)rig.driver->configure();
-        } else {
-          rig.tick();
-        }
+    // Several frames come within a tick, as on a full bus; now and then the host does something.
+    const int then = record[0] & 15;
+    if (then == 1) {
+      (void)rig.driver->deactivate();
+    } else if (then == 2 || then == 4) {
+      if (rig.driver->state() == WB_UNCONFIGURED) (void)rig.driver->configure();
+      if (rig.driver->stop_event() >= 0) (void)rig.driver->deactivate();  // the operator's reset
+      (void)rig.activate();
+    } else if (then == 3) {
+      (void)rig.driver->stop();
+    } else if (then >= kTicks) {
+      if (rig.driver->state() == WB_UNCONFIGURED) {
+        (void)rig.driver->configure();
+      } else {
+        rig.tick();
+      }
     }
   }
   if (rig.driver->state() != WB_UNCONFIGURED) rig.run(0.05);
@@ -158,7 +155,7 @@ Tally run_one(const std::uint8_t* data, std::size_t size) {
 }
 
 std::vector<std::uint8_t> seeded(std::mt19937_64& random) {
-  constexpr std::size_t kFrames = 200;
+  constexpr std::size_t kFrames = 500;
   // Half of the identifiers are those that the two drives and the master use.
   constexpr std::uint16_t kIds[] = {0x000, 0x080, 0x081, 0x082, 0x181, 0x182, 0x281, 0x282,
                                     0x201, 0x202, 0x581, 0x582, 0x601, 0x701, 0x702, 0x77F};
@@ -170,8 +167,14 @@ std::vector<std::uint8_t> seeded(std::mt19937_64& random) {
   for (auto& byte : input) byte = static_cast<std::uint8_t>(random());
   for (std::size_t i = 0; i < kFrames; ++i) {
     std::uint8_t* record = &input[kHeader + i * kRecord];
-    if (pick(8)) record[0] &= 0x0F;                    // mostly data frames with 11 bits
-    if (pick(16)) record[0] = (record[0] & 0xF0) | 8;  // mostly time goes on
+    // Every other stretch mostly holds frames that are nobody's, so that drives get enabled.
+    if (i / 50 % 2 == 0 && pick(20)) {
+      record[0] = static_cast<std::uint8_t>(pick(4) ? kTicks : pick(5));
+      put_bytes(record + 1, 2, 0x300 + pick(0x200));
+      continue;
+    }
+    if (pick(8)) record[0] &= 0x0F;  // mostly data frames with 11 bits
+    if (pick(12)) record[0] = (record[0] & 0xF0) | (pick(3) ? 8 : kTicks);
     if (pick(2)) put_bytes(record + 1, 2, kIds[pick(std::size(kIds))]);
     if (pick(4)) record[3] = length_of(static_cast<std::uint32_t>(get_bytes(record + 1, 2)));
     if (pick(2)) put_bytes(record + 4, 2, kWords[pick(std::size(kWords))]);
