@@ -32,9 +32,11 @@ std::string failures(const std::vector<Result>& results) {
 void expect_all_pass(const Options& options) {
   const std::vector<Result> results = run(options);
   EXPECT_TRUE(conforms(results)) << failures(results);
-  EXPECT_GE(results.size(), 18u);
+  EXPECT_GE(results.size(), 20u);
   for (const Result& r : results) {
-    const bool may_skip = r.name == "ports_allocate_nothing" && !allocations_are_counted();
+    const bool may_skip =
+        (r.name == "ports_allocate_nothing" && !allocations_are_counted()) ||
+        (r.name == "process_dies" && r.reason.find("can step") != std::string::npos);
     EXPECT_TRUE(r.outcome == Outcome::kPassed || may_skip) << r.name << ": " << r.reason;
   }
 }
@@ -104,6 +106,8 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"kAcceptsNan", "not_finite", "write accepted nan as position of joint shoulder"},
         Case{"kAcceptsEveryKind", "unsupported_kinds", "write accepted command kind 2 for joint"},
         Case{"kDoesNotClip", "limits", "after a command beyond its"},
+        Case{"kDoesNotFollow", "follows", "joint elbow has status FOLLOWING, but moved by 0 when"},
+        Case{"kRunsBackwards", "follows", "joint wheel has status FOLLOWING, but moved by -0.06"},
         Case{"kStaleAgeAsFresh", "stamps", "has the age 0 ms, but the newest sample of all is"},
         Case{"kStampGoesBack", "stamps", "t_ns went back"},
         Case{"kUnknownStatus", "status", "joint shoulder has status UNKNOWN"},
