@@ -22,13 +22,17 @@ struct BrokenDrive {
   bool heartbeat_consumer = true;
 };
 
+// A joint that slips at a constant speed, held or not.
 class CreepingModel final : public DriveModel {
  public:
   CreepingModel(double position, double creep_radps) : joint_(position), creep_(creep_radps) {}
   double position() const noexcept override { return joint_.position() + crept_; }
   double velocity() const noexcept override { return joint_.velocity() + creep_; }
   double torque() const noexcept override { return joint_.torque(); }
-  void apply(DriveAction action, double target) noexcept override { joint_.apply(action, target); }
+  void apply(DriveAction action, double target) noexcept override {
+    if (action != DriveAction::kPosition) held_ = crept_;
+    joint_.apply(action, action == DriveAction::kPosition ? target - held_ : target);
+  }
   void step(double dt_s) noexcept override {
     joint_.step(dt_s);
     crept_ += creep_ * dt_s;
@@ -37,6 +41,7 @@ class CreepingModel final : public DriveModel {
  private:
   IntegratorModel joint_;
   double creep_, crept_ = 0;
+  double held_ = 0;  // of it, before the servo held the joint
 };
 
 class NodeHub {
