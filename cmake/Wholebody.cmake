@@ -47,11 +47,18 @@ function(wb_plugin name)
 endfunction()
 
 # wb_test(NAME SOURCES ... DEPENDS ... LABELS ...): one GoogleTest program; ctest sees each of its tests.
-# Labels: `fast` runs under asan-ubsan, too, and is the default; `scenario`, `process` (starts programs of its own and waits for
-# them) and `release` (not proved under sanitizers yet) do not; `concurrency` runs under tsan. Target fast_tests: what the
-# first kind needs.
+# Labels, several if need be:
+#   fast         the default; runs under asan-ubsan, too
+#   scenario     a daemon in lockstep
+#   process      waits for other programs or threads in real time: scripts/test runs these one by one
+#   sanitized    as good as `fast` under asan-ubsan, but long or in real time: ctest --test-dir build/asan-ubsan -L sanitized
+#   concurrency  has threads; runs under tsan, too
+#   release      not proved under sanitizers yet
+# Targets fast_tests, sanitized_tests, concurrent_tests: what those need. Under tsan the suppressions of tests/sanitizers apply.
 include(GoogleTest)
 add_custom_target(fast_tests)
+add_custom_target(sanitized_tests)
+add_custom_target(concurrent_tests)
 function(wb_test name)
   cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;DEPENDS;LABELS" ${ARGN})
   if(NOT ARG_LABELS)
@@ -64,10 +71,15 @@ function(wb_test name)
   target_link_libraries(${name} PRIVATE ${ARG_DEPENDS} GTest::gtest GTest::gtest_main)
   target_precompile_headers(${name} REUSE_FROM wb_program_headers)
   target_compile_definitions(${name} PRIVATE WB_SOURCE_DIR="${CMAKE_SOURCE_DIR}" WB_BUILD_DIR="${CMAKE_BINARY_DIR}")
-  if("fast" IN_LIST ARG_LABELS)
-    add_dependencies(fast_tests ${name})
-  endif()
+  set(sanitizer_labels fast sanitized concurrency)
+  set(sanitizer_targets fast_tests sanitized_tests concurrent_tests)
+  foreach(label target IN ZIP_LISTS sanitizer_labels sanitizer_targets)
+    if(label IN_LIST ARG_LABELS)
+      add_dependencies(${target} ${name})
+    endif()
+  endforeach()
   # A list would fall apart on its way through gtest_discover_tests; ctest -L matches parts of a label, too.
   list(JOIN ARG_LABELS "-" labels)
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES LABELS ${labels} TIMEOUT ${ARG_TIMEOUT})
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES LABELS ${labels} TIMEOUT ${ARG_TIMEOUT}
+    ENVIRONMENT TSAN_OPTIONS=suppressions=${CMAKE_SOURCE_DIR}/tests/sanitizers/tsan.supp)
 endfunction()

@@ -14,6 +14,9 @@ struct Check {
   std::string (*run)(const Options&);
 };
 
+// Runs it in a process of its own, which then ends without any further call.
+Result in_child(const Check& check, const Options& options);
+
 std::vector<Check> interface_checks();  // symbol, create, describe, states, extensions
 std::vector<Check> reading_checks();    // samples, stamps, status, frames
 std::vector<Check> motion_checks();     // first write, time-out, stop, refused commands

@@ -50,7 +50,15 @@ std::string read_all(int fd, bool& hung) {
   }
 }
 
-Result run_one(const Check& check, const Options& options) {
+// Whether it loads at all, in a child, too: this process never runs the plugin's code.
+std::string load(const Options& options) {
+  Library library(options.library);
+  return "";
+}
+
+}  // namespace
+
+Result in_child(const Check& check, const Options& options) {
   Result result{check.name, check.proves, Outcome::kFailed, ""};
   int ends[2];
   if (pipe(ends) != 0) throw std::runtime_error(std::strerror(errno));
@@ -90,14 +98,6 @@ Result run_one(const Check& check, const Options& options) {
   return result;
 }
 
-// Whether it loads at all, in a child, too: this process never runs the plugin's code.
-std::string load(const Options& options) {
-  Library library(options.library);
-  return "";
-}
-
-}  // namespace
-
 Options Options::load(const std::filesystem::path& library, const std::filesystem::path& file) {
   Options out;
   out.library = library;
@@ -126,14 +126,15 @@ Options Options::load(const std::filesystem::path& library, const std::filesyste
 }
 
 std::vector<Result> run(const Options& options) {
-  const Result loaded = run_one({"load", "", load}, options);
+  const Result loaded = in_child({"load", "", load}, options);
   if (loaded.outcome != Outcome::kPassed) throw std::runtime_error(loaded.reason);
   std::vector<Result> results;
   bool usable = true;
   for (const auto& group : {interface_checks(), reading_checks(), motion_checks(), port_checks()}) {
     for (const Check& check : group) {
+      if (!options.only.empty() && options.only != check.name && !results.empty()) continue;
       if (usable) {
-        results.push_back(run_one(check, options));
+        results.push_back(in_child(check, options));
       } else {
         results.push_back({check.name, check.proves, Outcome::kSkipped, "no usable interface"});
       }

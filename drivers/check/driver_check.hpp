@@ -14,6 +14,7 @@ struct Options {
   std::filesystem::path library;
   std::string config;            // text of the plugin's YAML section, without 'check'
   std::filesystem::path folder;  // what its file names are relative to
+  std::string only;              // of the checks, beside the interface's; empty: all
   // From the file's optional section 'check'.
   double motion_tolerance = 2e-3;  // rad or m: encoder noise of a joint that stands still
   double rate_hz = 400;            // of read and write

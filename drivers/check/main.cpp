@@ -1,5 +1,5 @@
-// wb-driver-check PLUGIN.so --config FILE [--json]: the conformance suite as a program. Exit code
-// 0: conforms, 1: does not, 2: could not be run.
+// wb-driver-check PLUGIN.so --config FILE [--only CHECK] [--json]: the conformance suite as a
+// program. Exit code 0: conforms, 1: does not, 2: could not be run.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
@@ -60,7 +60,7 @@ void print_table(const std::vector<Result>& results) {
 
 int main(int argc, char** argv) {
   CLI::App app("Checks a driver plugin against drivers/driver.h (docs/how-to/add-a-driver.md).");
-  std::string library, config, folder;
+  std::string library, config, folder, only;
   double motion_tolerance = 0;
   bool json = false;
   app.add_option("plugin", library, "the plugin, a shared object")->required();
@@ -71,6 +71,7 @@ int main(int argc, char** argv) {
   app.add_option("--motion-tolerance", motion_tolerance,
                  "rad or m by which a joint at rest may seem to move (encoder noise)")
       ->check(CLI::PositiveNumber);
+  app.add_option("--only", only, "one check by its name");
   app.add_flag("--json", json, "print the results as JSON");
   try {
     app.parse(argc, argv);
@@ -81,6 +82,7 @@ int main(int argc, char** argv) {
     wb::check::Options options = wb::check::Options::load(library, config);
     if (!folder.empty()) options.folder = folder;
     if (motion_tolerance > 0) options.motion_tolerance = motion_tolerance;
+    options.only = only;
     const std::vector<Result> results = wb::check::run(options);
     json ? print_json(results) : print_table(results);
     return wb::check::conforms(results) ? 0 : 1;

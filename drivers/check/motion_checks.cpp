@@ -1,6 +1,10 @@
+#include <time.h>
+
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <sstream>
 
 #include "drivers/check/checks.hpp"
 
@@ -27,6 +31,79 @@ void must_be_halted(Session& s, const std::string& when) {
     if (s.readings().joints[j].status == WB_JOINT_FOLLOWING)
       fail("joint ", s.joint(j), " still has status FOLLOWING ", when);
   }
+}
+
+// Where the joints are after small motions to a target and a rest there, against where they were
+// before; `asked`: what the commands come to. share 0: the same time at rest, which shows what load
+// and soft gains do alone.
+struct Excursion {
+  std::array<double, WB_DRIVER_MAX_JOINTS> moved{}, asked{};
+  std::array<std::uint32_t, WB_DRIVER_MAX_JOINTS> status{};
+};
+Excursion excursion(Session& s, double share) {
+  constexpr double kMoveS = 0.6;
+  Excursion out;
+  s.start();
+  s.activate();
+  s.watch(kSettleS, [&](double) { s.must_write(s.hold()); });
+  const wb_readings from = s.readings();
+  const wb_commands hold = s.hold();
+  wb_commands last = hold;
+  TimeNs then = s.now();
+  const auto write = [&](const wb_commands& c) {
+    s.must_write(c);
+    for (std::uint32_t j = 0; j < s.joints(); ++j) {
+      if (c.joints[j].kind == WB_CMD_VELOCITY)
+        out.asked[j] += last.joints[j].velocity * to_seconds(s.now() - then);
+      else
+        out.asked[j] = c.joints[j].position - hold.joints[j].position;
+    }
+    last = c;
+    then = s.now();
+  };
+  s.watch(kMoveS, [&](double t_s) { write(s.sweep(share * t_s)); });
+  s.watch(kSettleS, [&](double) {
+    wb_commands rest = s.sweep(share * kMoveS);
+    for (auto& joint : rest.joints) joint.velocity = 0;
+    write(rest);
+  });
+  for (std::uint32_t j = 0; j < s.joints(); ++j) {
+    out.moved[j] = s.readings().joints[j].position - from.joints[j].position;
+    out.status[j] = s.readings().joints[j].status;
+  }
+  return out;
+}
+
+// What the joints say of themselves must be true.
+std::string follows(const Options& options) {
+  constexpr double kLeast = 0.4, kMost = 1.6;  // shares of what was asked
+  constexpr double kFar = 1e3;  // a soft joint that gravity pulls goes further: that is no fault
+  Excursion still;
+  {
+    Session s(options);
+    still = excursion(s, 0);
+    s.deactivate();
+  }
+  Session s(options);
+  const Excursion e = excursion(s, 1);
+  double least = kFar, most = 0;
+  std::uint32_t judged = 0;
+  for (std::uint32_t j = 0; j < s.joints(); ++j) {
+    const wb_command_kind kind = kind_of(s.description().joints[j]);
+    if (kind == WB_CMD_TORQUE) continue;              // where that leads depends on the load
+    if (e.status[j] != WB_JOINT_FOLLOWING) continue;  // see check "status"
+    if (std::abs(e.asked[j]) < 2 * options.motion_tolerance) continue;  // too slow a joint
+    const double moved = e.moved[j] - still.moved[j], share = moved / e.asked[j];
+    if (!(share >= kLeast && share <= (kind == WB_CMD_IMPEDANCE ? kFar : kMost)))
+      fail("joint ", s.joint(j), " has status FOLLOWING, but moved by ", moved, " when ",
+           e.asked[j], " was commanded");
+    least = std::min(least, share);
+    most = std::max(most, share);
+    ++judged;
+  }
+  if (judged == 0) return "no joint takes positions or velocities";
+  return std::to_string(judged) + " joints moved by " + text_of(least) + " to " + text_of(most) +
+         " of what was commanded";
 }
 
 // After the joints were stopped: the latch holds, whatever is written.
@@ -69,6 +146,45 @@ std::string time_out(const Options& options) {
   must_be_latched(s, "after the time-out");
   return "timed out " + text_of(1e3 * to_seconds(silence)) + " ms after the last write, given " +
          text_of(1e3 * to_seconds(s.timeout_ns())) + " ms";
+}
+
+// The first half of process_dies: the positions at the last moment before the process ends.
+std::string move_and_die(const Options& options) {
+  auto* s = new Session(options);  // nobody destroys it: the process just ends
+  s->start();
+  if (s->steps()) throw Skipped{"the plugin can step: nothing moves on when its host is dead"};
+  s->activate();
+  sweep(*s, 0.5);
+  std::string positions;
+  for (std::uint32_t j = 0; j < s->joints(); ++j)
+    positions += std::to_string(s->readings().joints[j].position) + " ";
+  return positions;
+}
+
+std::string process_dies(const Options& options) {
+  const Result died = in_child({"", "", move_and_die}, options);
+  if (died.outcome == Outcome::kSkipped) throw Skipped{died.reason};
+  if (died.outcome == Outcome::kFailed) throw Failed{died.reason};
+  const double dead_s = 1e-3 * options.timeout_ms + 3;
+  const TimeNs dead_ns = from_seconds(dead_s);
+  const timespec wait{dead_ns / kNanosPerSecond, dead_ns % kNanosPerSecond};
+  clock_nanosleep(CLOCK_MONOTONIC, 0, &wait, nullptr);
+  Session s(options);
+  s.start();
+  std::istringstream positions(died.reason);
+  double most = 0;
+  for (std::uint32_t j = 0; j < s.joints(); ++j) {
+    double then = 0;
+    positions >> then;
+    const double moved = std::abs(s.readings().joints[j].position - then);
+    // 0.1 rad/s at most, until the time-out and then a ramp.
+    const double allowed = options.motion_tolerance + 0.1 * (1e-3 * options.timeout_ms + 1);
+    if (!(moved <= allowed))
+      fail("joint ", s.joint(j), " moved by ", moved, " in the ", dead_s,
+           " s after the process that commanded it had died, allowed ", allowed);
+    most = std::max(most, moved);
+  }
+  return "moved by " + text_of(most) + " at most";
 }
 
 std::string stop(const Options& options) {
@@ -220,9 +336,13 @@ std::vector<Check> motion_checks() {
   return {
       {"still_until_written", "Nothing moves between activate and the first write.",
        still_until_written},
+      {"follows", "Joints that say that they follow move as they are commanded.", follows},
       {"time_out",
        "When commands cease the joints stop in time, and stay so until the next activate.",
        time_out},
+      {"process_dies",
+       "When the process that commands dies, the joints stop, with nobody left to tell them.",
+       process_dies},
       {"stop", "stop halts the joints, and they stay so until the next activate.", stop},
       {"deactivate", "deactivate halts the joints.", deactivate},
       {"not_finite", "Commands with NaN or infinity are refused, and nothing moves by them.",

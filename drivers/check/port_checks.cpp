@@ -61,7 +61,7 @@ std::string no_log(const Options& options) {
     const PortUse& use = s.use()[p];
     if (use.log_lines)
       fail(kPortNames[p], " called the log ", use.log_lines, " times in ", use.calls,
-           " calls: ", s.log_lines().back());
+           " calls: ", s.newest_line());
   }
   return "";
 }

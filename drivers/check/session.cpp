@@ -67,15 +67,35 @@ Session::Session(const Options& options)
       period_ns_(from_seconds(1.0 / options.rate_hz)),
       timeout_ns_(from_seconds(1e-3 * options.timeout_ms)) {
   driver_ = api_->create(options_.config.c_str(), options_.folder.c_str(), log, this);
-  if (!driver_)
-    fail("create gave null: ", lines_.empty() ? std::string("no log line") : lines_.back());
+  if (!driver_) fail("create gave null", why());
 }
 
 Session::~Session() { api_->destroy(driver_); }
 
-void Session::log(void* user, wb_log_level, const char* text) {
+void Session::log(void* user, wb_log_level level, const char* text) {
   if (inside) ++inside->log_lines;
-  if (text) static_cast<Session*>(user)->lines_.emplace_back(text);
+  if (!text) return;
+  auto* self = static_cast<Session*>(user);
+  const std::lock_guard lock(self->log_mutex_);
+  self->line_ = text;
+  if (level >= WB_LOG_WARN) self->problem_ = text;
+}
+
+std::string Session::newest_line() const {
+  const std::lock_guard lock(log_mutex_);
+  return line_;
+}
+
+std::string Session::why() const {
+  for (int i = 0; i < 50; ++i) {
+    {
+      const std::lock_guard lock(log_mutex_);
+      if (!problem_.empty()) return ": " + problem_;
+    }
+    const timespec wait{0, 10'000'000};
+    nanosleep(&wait, nullptr);
+  }
+  return "";
 }
 
 template <class Call>
@@ -108,7 +128,7 @@ wb_status Session::stop() {
 
 void Session::configure() {
   if (const wb_status s = api_->configure(driver_); s != WB_OK)
-    fail("configure returned ", s, lines_.empty() ? "" : ": " + lines_.back());
+    fail("configure returned ", s, why());
   if (const wb_status s = api_->describe(driver_, &description_); s != WB_OK)
     fail("describe returned ", s);
   if (description_.joint_count > WB_DRIVER_MAX_JOINTS)
@@ -143,7 +163,7 @@ void Session::must_write(const wb_commands& commands) {
   if (s == WB_TIMED_OUT && 5 * silence > 4 * timeout_ns_)
     throw Skipped{"this machine did not come to write for " + text_of(1e3 * to_seconds(silence)) +
                   " ms, the time-out is " + text_of(1e3 * to_seconds(timeout_ns_)) + " ms"};
-  if (s != WB_OK) fail("write of a proper command returned ", s);
+  if (s != WB_OK) fail("write of a proper command returned ", s, why());
   written_ns_ = now();
 }
 
@@ -182,7 +202,7 @@ void Session::activate() {
   for (std::uint32_t j = 0; j < joints(); ++j)
     actions[j] = description_.joints[j].is_wheel ? WB_TIMEOUT_BRAKE : WB_TIMEOUT_HOLD;
   if (const wb_status s = api_->activate(driver_, timeout_ns_, actions.data()); s != WB_OK)
-    fail("activate returned ", s, lines_.empty() ? "" : ": " + lines_.back());
+    fail("activate returned ", s, why());
   next_ns_ = written_ns_ = now();  // it may have blocked
 }
 

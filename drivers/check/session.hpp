@@ -4,6 +4,7 @@
 #pragma once
 #include <array>
 #include <functional>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -99,7 +100,7 @@ class Session {
   void must_stand_still(double seconds, const std::string& when,
                         const std::function<void(double t_s)>& each_tick);
 
-  const std::vector<std::string>& log_lines() const { return lines_; }
+  std::string newest_line() const;
 
  private:
   template <class Call>
@@ -116,7 +117,11 @@ class Session {
   TimeNs period_ns_, timeout_ns_, virtual_ns_ = 0, next_ns_ = 0;
   TimeNs written_ns_ = 0;  // last write, or activate
   std::array<PortUse, kPorts> use_{};
-  std::vector<std::string> lines_;
+  // ": " and the newest warning or error, for which it waits a little: a plugin's lines come from
+  // threads of its own. Empty: there is none.
+  std::string why() const;
+  mutable std::mutex log_mutex_;
+  std::string line_, problem_;  // newest; newest warning or error
 };
 
 // The kind by which a joint is held: impedance, position, velocity, torque, the first it supports.

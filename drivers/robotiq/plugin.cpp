@@ -2,6 +2,7 @@
 // joints. Worlds: create, describe, configure, activate, deactivate, destroy are setup; read,
 // write, stop are ports: they exchange values with the plugin's thread and never touch the line.
 // Clock: CLOCK_MONOTONIC, so that the plugin can not be stepped.
+#include <algorithm>
 #include <cstring>
 #include <exception>
 #include <memory>
@@ -27,7 +28,7 @@ struct wb_driver {
 namespace wb::robotiq {
 namespace {
 
-constexpr TimeNs kFirstAnswerNs = 3 * kNanosPerSecond;  // configure waits this long
+constexpr TimeNs kFirstAnswerNs = 3 * kNanosPerSecond;  // configure waits this long at least
 
 const char* describe(LinkResult result) {
   switch (result) {
@@ -70,7 +71,8 @@ wb_status describe(const wb_driver*, wb_description* out) {
 wb_status configure(wb_driver* driver) {
   if (driver->state != WB_UNCONFIGURED) return WB_BAD_STATE;
   driver->worker = std::make_unique<Worker>(driver->config);
-  const TimeNs end = RealTime::monotonic() + kFirstAnswerNs;
+  const TimeNs end =
+      RealTime::monotonic() + std::max(kFirstAnswerNs, driver->config.silence_max_ns);
   while (driver->worker->newest() == nullptr) {
     if (RealTime::monotonic() > end) {
       driver->say(WB_LOG_ERROR, "gripper on " + driver->config.device + ", slave " +

@@ -6,6 +6,7 @@
 #include <termios.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
@@ -18,6 +19,7 @@ namespace {
 constexpr int kSlave = 9;
 constexpr double kActivation_s = 0.05;  // the real one takes about two seconds
 constexpr int kPass_ms = 1;             // between movements of the fingers
+constexpr double kLeap_s = 0.01;        // most of one movement, however late this thread is
 constexpr int kStart_requests = 5;      // go by before it answers after a loss of power
 
 // CRC-16/MODBUS, bit by bit.
@@ -124,7 +126,7 @@ void SimulatedGripper::run() {
     pollfd p{master_, POLLIN, 0};
     poll(&p, 1, kPass_ms);
     const auto now = std::chrono::steady_clock::now();
-    move(std::chrono::duration<double>(now - last).count());
+    move(std::min(kLeap_s, std::chrono::duration<double>(now - last).count()));
     last = now;
     if (p.revents & POLLIN) {
       serve();

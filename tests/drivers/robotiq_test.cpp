@@ -22,7 +22,7 @@ namespace {
 
 constexpr double kOpen_m = 0.085;
 constexpr double kResolution_m = kOpen_m / 255;
-constexpr double kPatience_s = 20;  // reached only when a test fails
+constexpr double kPatience_s = 60;  // reached only when a test fails
 constexpr std::int64_t kLong_ns = 60'000'000'000, kShort_ns = 100'000'000;
 
 bool wait_until(const std::function<bool()>& condition) {
@@ -111,6 +111,7 @@ class RobotiqTest : public ::testing::Test {
 
   std::filesystem::path port_;
   std::atomic<double> object_m_{0};
+  std::atomic<bool> may_pass_{false};
   std::optional<SimulatedGripper> gripper_;
   const wb_driver_api* api_ = nullptr;
   wb_driver* driver_ = nullptr;
@@ -158,16 +159,12 @@ TEST_F(RobotiqTest, ObjectBetweenTheFingersShowsAsForceAndOpening) {
 
 TEST_F(RobotiqTest, HoldsItsObjectWhenCommandsCease) {
   object_m_ = 0.012;
-  start(kShort_ns);
-  bool grasped = false;
-  // On a loaded machine this thread may itself be late, and the time-out right: then begin again.
-  ASSERT_TRUE(wait_until([&] {
-    if (write(0) == WB_TIMED_OUT) {
-      api_->deactivate(driver_);
-      api_->activate(driver_, kShort_ns, nullptr);
-    }
-    return grasped = read().gripper.force > 0;
-  }));
+  start();
+  ASSERT_TRUE(grasps(60));
+  // Only now a time-out that a loaded machine may fail to meet.
+  ASSERT_EQ(api_->deactivate(driver_), WB_OK);
+  ASSERT_EQ(api_->activate(driver_, kShort_ns, nullptr), WB_OK);
+  write(0);
   ASSERT_TRUE(wait_until([&] { return read().timed_out != 0; }));
   let_it_work();
   EXPECT_EQ(gripper_->order().position, 255);
@@ -179,14 +176,24 @@ TEST_F(RobotiqTest, HoldsItsObjectWhenCommandsCease) {
 }
 
 TEST_F(RobotiqTest, FingersStopWhereTheyAreWhenTheyWereStillMoving) {
-  start(kLong_ns, config(", speed_mps: 0.02"));
+  // Fingers that wait on their way until this thread has had its time: no race with the stop.
+  gripper_.reset();
+  gripper_.emplace(port_, Stroke{kOpen_m, 0, 255},
+                   [this, opening = kOpen_m](const FingerOrder& order, double dt_s) mutable {
+                     const double travel = order.move ? order.speed_mps * dt_s : 0;
+                     opening += std::clamp(order.opening_m - opening, -travel, travel);
+                     if (!may_pass_) opening = std::max(opening, 0.04);
+                     return Fingers{opening, false};
+                   });
+  start();
   ASSERT_TRUE(reaches(0.08));
   ASSERT_TRUE(wait_until([&] {
     write(0);
-    return read().gripper.opening < 0.06;
+    return read().gripper.opening < 0.05;
   }));
   ASSERT_EQ(api_->stop(driver_), WB_OK);
   ASSERT_TRUE(wait_until([&] { return !gripper_->order().go; }));
+  may_pass_ = true;
   let_it_work();
   const std::uint8_t there = gripper_->status().position;
   EXPECT_GT(there, 0);
@@ -220,7 +227,7 @@ TEST_F(RobotiqTest, SpoiltAnswersAreCountedAndOverlooked) {
   gripper_->spoil_answers(5);
   ASSERT_TRUE(wait_until([&] { return counter("checksum_errors") >= before + 5; }));
   ASSERT_TRUE(reaches(0.06));
-  EXPECT_EQ(counter("checksum_errors"), before + 5);
+  EXPECT_GE(counter("checksum_errors"), before + 5);  // an answer that is late may spoil another
   EXPECT_GE(counter("exchanges"), before + 5);
 }
 
@@ -294,7 +301,8 @@ TEST_F(RobotiqTest, MissingPortAndSilentGripperAreNamedAtConfiguration) {
       << log_;
   api_->destroy(driver_);
   gripper_->be_silent(true);
-  driver_ = api_->create(config().c_str(), "/", note, &log_);
+  driver_ = api_->create(("{device: " + port_.string() + ", opening_max_m: 0.085}").c_str(), "/",
+                         note, &log_);
   EXPECT_EQ(api_->configure(driver_), WB_ERROR);
   EXPECT_NE(log_.find("no answer"), std::string::npos) << log_;
 }

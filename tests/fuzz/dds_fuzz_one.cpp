@@ -1,3 +1,10 @@
+// One input is a series of messages to the low-level computer (dds_session.cpp), or a sample each
+// to the checks of the plugin: good ones but for the bytes that the input changes, partly through
+// Cyclone's own serialiser.
+// Promises, whatever is received: no crash, nothing undefined (sanitizers), and
+//   no command reaches a drive but the lease holder's, in order, in time, finite, within the
+//   joint's limits, with neither a stop nor an emergency stop before it; no value is taken as
+//   measured that is not finite, too old, from the future, or seen before.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -7,11 +14,10 @@
 #include <vector>
 
 #include "drivers/dds/frames.hpp"
-#include "drivers/dds/low_level/command_filter.hpp"
 #include "drivers/dds/samples.hpp"
 #include "drivers/dds/truth.hpp"
-#include "tests/drivers/dds/fake_robot.hpp"
-#include "tests/fuzz/dds_fuzz.hpp"
+#include "tests/fuzz/dds_session.hpp"
+#include "tests/fuzz/dds_wire.hpp"
 
 namespace wb::dds {
 namespace {
@@ -19,109 +25,74 @@ namespace {
 constexpr TimeNs kNow = 1'700'000'000 * kNanosPerSecond;
 constexpr Arrival kArrival{kNow, 50'000'000};
 
-void promise(bool kept) {
-  if (!kept) std::abort();
+template <class Readings>
+bool finite(const Readings& r, int joints) {
+  for (int i = 0; i < joints; ++i) {
+    const auto& j = r.joints[i];
+    if (!std::isfinite(j.position + j.velocity + j.effort)) return false;
+  }
+  for (int i = 0; i < 3; ++i) {
+    if (!std::isfinite(r.imu.gyro[i] + r.imu.acceleration[i])) return false;
+    if (!std::isfinite(r.wrench.force[i] + r.wrench.torque[i])) return false;
+  }
+  return std::isfinite(r.gripper.opening) && std::isfinite(r.gripper.force);
 }
 
-// Values from the input, zeros after its end.
-class Bytes {
- public:
-  Bytes(const std::uint8_t* data, std::size_t size) : data_(data), size_(size) {}
-  template <class T>
-  T take() {
-    T value{};
-    take(&value, sizeof value);
-    return value;
-  }
-  bool flag() { return take<std::uint8_t>() & 1; }
-  void take(void* to, std::size_t n) {
-    const std::size_t have = std::min(n, size_);
-    if (have > 0) std::memcpy(to, data_, have);
-    data_ += have;
-    size_ -= have;
-  }
-  std::size_t left() const { return size_; }
-  const std::uint8_t* rest() const { return data_; }
-
- private:
-  const std::uint8_t* data_;
-  std::size_t size_;
-};
-
-// Message that is good but for the bytes that the input flips.
-template <class Message>
-void flip(Message& message, Bytes& bytes) {
-  auto* raw = reinterpret_cast<std::uint8_t*>(&message);
-  for (int n = bytes.take<std::uint8_t>() % 8; n > 0; --n) {
-    const std::size_t at = bytes.take<std::uint16_t>() % sizeof message;
-    raw[at] ^= bytes.take<std::uint8_t>();
-  }
-}
-// A bool may hold nothing but 0 and 1 here; Cyclone's deserialiser sees to it on the wire.
-void to_bool(bool& b) {
-  std::uint8_t raw;
-  std::memcpy(&raw, &b, 1);
-  b = raw & 1;
-}
-
-bool measurement(Bytes& bytes) {
-  msg::JointMeasurements m{};
-  m.boot_ = 7;
-  m.sequence_ = 1;
-  m.stamp_ns_ = kNow;
-  m.joint_count_ = 5;
-  std::fill_n(m.valid_, 5, true);
-  m.imu_valid_ = m.wrench_valid_ = m.gripper_valid_ = true;
-  flip(m, bytes);
-  for (bool* b :
-       {&m.imu_valid_, &m.wrench_valid_, &m.gripper_valid_, &m.emergency_stop_, &m.stopped_})
-    to_bool(*b);
-  for (bool& b : m.valid_) to_bool(b);
+// A stream of joint measurements, some of them late, doubled or out of order.
+fuzz::Tally measurements(Bytes& bytes) {
   MeasurementGate gate;
   gate.expect(7, 5, {4, 1, 0}, 0);
-  Sample sample;
-  if (gate.convert(m, kArrival, sample) != Fault::kNone) return false;
-  promise(std::abs(sample.stamp_ns - kNow) <= 50'000'000);
-  for (int i = 0; i < 3; ++i) {
-    const auto& j = sample.readings.joints[i];
-    promise(std::isfinite(j.position) && std::isfinite(j.velocity) && std::isfinite(j.effort));
-    promise(j.age_ns >= 0 && j.status <= WB_JOINT_LOST && j.quality > 0 && j.quality <= 1);
-  }
-  for (const double v : sample.readings.imu.gyro) promise(std::isfinite(v));
-  for (const double v : sample.readings.wrench.torque) promise(std::isfinite(v));
-  promise(std::isfinite(sample.readings.gripper.opening));
-  promise(gate.convert(m, kArrival, sample) == Fault::kDuplicate);
-  return true;
-}
-
-bool command(Bytes& bytes) {
-  const wb_description robot = fake_description();
-  msg::JointCommands c{};
-  c.stamp_ns_ = kNow;
-  c.valid_for_ns_ = 50'000'000;
-  c.joint_count_ = 5;
-  std::fill_n(c.kind_, 5, std::uint8_t{WB_CMD_VELOCITY});
-  flip(c, bytes);
-  to_bool(c.has_gripper_);
-  to_bool(c.stop_);
-  if (refuse(c, robot, kNow, 100'000'000) != nullptr) return false;
-  wb_commands out;
-  clip(c, robot, out);
-  for (std::uint32_t i = 0; i < robot.joint_count; ++i) {
-    const auto& j = out.joints[i];
-    const wb_joint_info& limits = robot.joints[i];
-    promise(j.kind == WB_CMD_NONE || limits.command_kinds & (1u << j.kind));
-    promise(std::abs(j.velocity) <= limits.velocity_max && std::abs(j.effort) <= limits.effort_max);
-    promise(limits.is_wheel || std::abs(j.position) <= 2);
-    promise(j.stiffness >= 0 && j.damping >= 0 && std::isfinite(j.stiffness + j.damping));
-  }
-  return true;
+  fuzz::Tally tally;
+  std::uint64_t newest = 0;
+  TimeNs newest_stamp = -1;
+  Arrival arrival = kArrival;
+  do {
+    arrival.now_ns += 1'000'000;
+    msg::JointMeasurements m{};
+    m.boot_ = 7;
+    m.sequence_ = newest + 1;
+    m.stamp_ns_ = arrival.now_ns;
+    if (bytes.flag()) m.sequence_ += bytes.take<std::int8_t>();
+    if (bytes.flag()) m.stamp_ns_ += bytes.take<std::int16_t>() * 10'000;
+    m.joint_count_ = 5;
+    std::fill_n(m.valid_, 5, true);
+    m.imu_valid_ = m.wrench_valid_ = m.gripper_valid_ = true;
+    const Wired<msg::JointMeasurements> wired(m, bytes);
+    ++tally.records;
+    if (!wired.taken()) continue;
+    const msg::JointMeasurements& got = wired.message();
+    Sample sample;
+    if (gate.convert(got, arrival, sample) != Fault::kNone) continue;
+    ++tally.taken;
+    promise(got.sequence_ > newest && sample.stamp_ns > newest_stamp,
+            "taken twice or out of order");
+    promise(sample.stamp_ns >= arrival.now_ns - arrival.memory_ns, "a stale sample");
+    promise(sample.stamp_ns <= arrival.now_ns + kSampleFutureNs, "a sample from the future");
+    promise(finite(sample.readings, 3), "a measurement that is not finite");
+    for (int i = 0; i < 3; ++i) {
+      const auto& j = sample.readings.joints[i];
+      promise(j.age_ns >= 0 && j.status <= WB_JOINT_LOST, "an age or status that cannot be");
+      promise(j.quality > 0 && j.quality <= 1, "a quality that is no share");
+    }
+    newest = got.sequence_;
+    newest_stamp = sample.stamp_ns;
+    promise(gate.convert(got, arrival, sample) == Fault::kDuplicate, "a sample taken twice");
+  } while (bytes.left() > 0);
+  return tally;
 }
 
 const CameraModel kCamera{8, 6, 10, 10, 4, 3};
 
 bool good_depth(const std::vector<float>& depth) {
   return std::all_of(depth.begin(), depth.end(), [](float z) { return z > 0; });
+}
+
+// As it is, or through the wire.
+template <class Message>
+bool convert_one(const Message& m, Bytes& bytes, float* depth) {
+  if (bytes.flag()) return convert(m, kCamera, depth) == Fault::kNone;
+  const Wired<Message> wired(m, bytes);
+  return wired.taken() && convert(wired.message(), kCamera, depth) == Fault::kNone;
 }
 
 // The message's pixels or points, exactly as long as its
@@ -150,8 +121,8 @@ bool image(Bytes& bytes) {
   const auto data = payload(bytes, size);
   m.data_ = {size, size, data.get(), false};
   std::vector<float> depth(kCamera.pixels());
-  if (convert(m, kCamera, depth.data()) != Fault::kNone) return false;
-  promise(good_depth(depth));
+  if (!convert_one(m, bytes, depth.data())) return false;
+  promise(good_depth(depth), "a depth behind the camera");
   return true;
 }
 
@@ -183,8 +154,8 @@ bool cloud(Bytes& bytes) {
   const auto data = payload(bytes, size);
   m.data_ = {size, size, data.get(), false};
   std::vector<float> depth(kCamera.pixels());
-  if (convert(m, kCamera, depth.data()) != Fault::kNone) return false;
-  promise(good_depth(depth));
+  if (!convert_one(m, bytes, depth.data())) return false;
+  promise(good_depth(depth), "a depth behind the camera");
   return true;
 }
 
@@ -198,7 +169,9 @@ bool camera_info(Bytes& bytes) {
   if (bytes.flag()) m.width_ = bytes.take<std::uint32_t>();
   CameraModel model;
   if (read_camera_info(m, model) != Fault::kNone) return false;
-  promise(model.pixels() > 0 && model.fx > 0 && std::isfinite(model.fx + model.fy + model.cx));
+  promise(model.pixels() > 0 && model.fx > 0 && model.fy > 0 &&
+              std::isfinite(model.fx + model.fy + model.cx + model.cy),
+          "a camera model without sense");
   return true;
 }
 
@@ -210,7 +183,9 @@ bool imu(Bytes& bytes) {
   StampGate gate;
   ImuSample sample;
   if (convert(m, kArrival, gate, sample) != Fault::kNone) return false;
-  promise(std::abs(sample.stamp_ns - kNow) <= 50'000'000 && std::isfinite(sample.gyro[0]));
+  promise(std::abs(sample.stamp_ns - kNow) <= kArrival.memory_ns, "a stale sample");
+  for (int i = 0; i < 3; ++i)
+    promise(std::isfinite(sample.gyro[i] + sample.acceleration[i]), "a rate that is not finite");
   return true;
 }
 
@@ -221,27 +196,57 @@ bool truth(Bytes& bytes) {
   m.boot_ = 7;
   m.sequence_ = 1;
   std::array<msg::TruthObject, 3> objects{};
-  flip(objects, bytes);
   for (auto& o : objects) {
-    to_bool(o.is_revolute_);
-    o.name_[sizeof o.name_ - 1] = '\0';  // as Cyclone's deserialiser leaves it
+    std::strcpy(o.name_, "drawer");
+    bytes.take(&o.value_, sizeof o.value_);
   }
   view(m.objects_, objects, objects.size());
   m.contact_count_ = bytes.take<std::uint32_t>();
-  if (store.store(m) != Fault::kNone) return false;
-  const TruthSample& s = store.newest();
-  for (std::uint32_t i = 0; i < s.object_count; ++i)
-    promise(std::isfinite(s.objects[i].object.value + s.objects[i].object.X_SG.p[0]));
+  const Wired<msg::Truth> wired(m, bytes);
+  if (!wired.taken() || store.store(wired.message()) != Fault::kNone) return false;
+  const TruthSample& t = store.newest();
+  for (std::uint32_t i = 0; i < t.object_count; ++i)
+    promise(std::isfinite(t.objects[i].object.value + t.objects[i].object.X_SG.p[0]),
+            "a truth that is not finite");
   return true;
 }
 
-}  // namespace
+template <bool (*sample)(Bytes&)>
+fuzz::Tally series(Bytes& bytes) {
+  fuzz::Tally tally;
+  do {
+    tally.taken += sample(bytes);
+    ++tally.records;
+  } while (bytes.left() > 0);
+  return tally;
+}
 
-bool fuzz_one(const std::uint8_t* data, std::size_t size) {
+}  // namespace
+}  // namespace wb::dds
+
+namespace wb::fuzz {
+
+const char* const kName = "dds";
+const char* const kRecords = "samples";
+const char* const kTaken = "taken, each as promised";
+
+Tally run_one(const std::uint8_t* data, std::size_t size) {
+  using namespace dds;
   Bytes bytes(data, size);
-  constexpr bool (*kKinds[])(Bytes&) = {measurement, command, image, cloud,
-                                        camera_info, imu,     truth};
+  constexpr Tally (*kKinds[])(Bytes&) = {session,       measurements,        series<image>,
+                                         series<cloud>, series<camera_info>, series<imu>,
+                                         series<truth>};
   return kKinds[bytes.take<std::uint8_t>() % std::size(kKinds)](bytes);
 }
 
-}  // namespace wb::dds
+std::vector<std::uint8_t> seeded(std::mt19937_64& random) {
+  std::vector<std::uint8_t> input(random() % 4 ? 1 + random() % 96 : 1 + random() % 1024);
+  // Sparse bytes keep most fields as a good message has them.
+  const bool sparse = random() % 2 == 0;
+  for (std::uint8_t& b : input)
+    b = sparse && random() % 8 != 0 ? 0 : static_cast<std::uint8_t>(random());
+  input[0] = static_cast<std::uint8_t>(random());
+  return input;
+}
+
+}  // namespace wb::fuzz

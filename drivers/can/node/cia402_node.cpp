@@ -65,7 +65,7 @@ struct Cia402Node::State {
     ro(object::kDeviceType, 0, 4, options.device_type);
     ro(object::kErrorRegister, 0, 1, 0);
     objects.add_text(object::kDeviceName, options.name);
-    rw(object::kConsumerHeartbeat, 1, 4, 0);
+    if (options.heartbeat_consumer) rw(object::kConsumerHeartbeat, 1, 4, 0);
     rw(object::kProducerHeartbeat, 0, 2, 0);
     ro(object::kIdentity, 0, 1, 4);
     ro(object::kIdentity, 1, 4, options.vendor);
@@ -154,6 +154,7 @@ struct Cia402Node::State {
 
   // The master has gone: 0x1029 says what becomes of the NMT state, 0x6007 what of the motor.
   void lose_master(std::uint16_t code) noexcept {
+    if (faults.ignore_silence) return;
     emergency(code);
     machine.connection_lost(static_cast<std::int16_t>(objects.get(object::kAbortConnection, 0)),
                             code);
@@ -298,9 +299,14 @@ struct Cia402Node::State {
     each_mapped(object::kRpdo1Map, [&](Object& o, int at, int bytes) {
       o.value = get_bytes(&rpdo.data[static_cast<std::size_t>(at)], bytes);
     });
+    const auto word = static_cast<std::uint16_t>(objects.get(object::kControlword, 0));
+    if (faults.ignore_stop && machine.state() == DriveState::kOperationEnabled &&
+        !controlword::enables(word))
+      return;
     const auto mode = objects.get(object::kMode, 0);
     if (mode >= 8 && mode <= 10) machine.set_mode(static_cast<DriveMode>(mode));
-    machine.control(static_cast<std::uint16_t>(objects.get(object::kControlword, 0)), limits());
+    machine.control(word, limits());
+    if (faults.ignore_targets) return;
     const UnitScale& scale = options.scale;
     const DriveTargets targets{
         scale.position(static_cast<std::int32_t>(objects.get(object::kTargetPosition, 0))),

@@ -25,6 +25,7 @@ struct NodeOptions {
   std::uint32_t supported_modes = 0x380;  // 0x6502: CSP, CSV, CST
   double velocity_max = 10;               // rad/s: the drive clips its targets
   double quick_stop_decel = 20;           // rad/s^2 (0x6085)
+  bool heartbeat_consumer = true;         // has 0x1016
   TimeNs enable_delay_ns = 4'000'000;  // each power transition (ready, on, enabled) takes so long
 };
 
@@ -40,6 +41,9 @@ struct NodeFaults {
   bool wrong_toggle = false;         // segmented transfers answer with the same toggle bit
   bool swap_mapping = false;         // read-back of the PDO mapping differs from what was written
   bool refuse_enable = false;        // stays switched on
+  bool ignore_targets = false;       // enabled, it stays where it is
+  bool ignore_stop = false;          // enabled, it runs on with its last targets, whatever is asked
+  bool ignore_silence = false;       // does nothing when the master has gone
   bool keep_fault = false;           // a fault reset does not clear
   bool wrong_mode = false;           // mode display stays 0
   std::uint16_t statusword_xor = 0;  // flips bits of the statusword on the wire

@@ -10,7 +10,7 @@ const char* refuse(const msg::JointCommands& c, const wb_description& robot, Tim
   if (c.valid_for_ns_ <= 0 || c.valid_for_ns_ > kValidForMaxNs) return "valid_for out of range";
   // Compared without a difference of two hostile numbers.
   if (c.stamp_ns_ > now_ns + kFutureNs) return "from the future";
-  if (memory_ns > 0 && c.stamp_ns_ < now_ns - memory_ns) return "too old";
+  if (c.stamp_ns_ < 0 || (memory_ns > 0 && c.stamp_ns_ < now_ns - memory_ns)) return "too old";
   for (std::uint32_t i = 0; i < c.joint_count_; ++i) {
     if (c.kind_[i] > WB_CMD_TORQUE) return "unknown command kind";
     if (c.kind_[i] == WB_CMD_NONE) continue;

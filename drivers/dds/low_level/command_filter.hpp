@@ -10,7 +10,7 @@ inline constexpr TimeNs kFutureNs = 5'000'000;             // no stamp may be fu
 inline constexpr TimeNs kValidForMaxNs = kNanosPerSecond;  // of a command
 
 // Null, or why the command is refused. now_ns, memory_ns: on the stamps' clock; memory_ns 0: any
-// age.
+// age that is not before the clock's 0.
 const char* refuse(const msg::JointCommands& command, const wb_description& robot, TimeNs now_ns,
                    TimeNs memory_ns) noexcept;
 

@@ -9,9 +9,10 @@
 #include <optional>
 #include <random>
 
-#include "drivers/dds/low_level/command_filter.hpp"
+#include "drivers/dds/low_level/command_gate.hpp"
 #include "drivers/dds/low_level/lease_book.hpp"
 #include "drivers/dds/low_level/robot_messages.hpp"
+#include "drivers/dds/low_level/session_clock.hpp"
 #include "drivers/dds/low_level/truth_message.hpp"
 #include "drivers/dds/messages.hpp"
 
@@ -19,8 +20,6 @@ namespace wb::dds {
 namespace {
 
 constexpr TimeNs kDescribePeriodNs = 200'000'000;  // CameraInfo, for whoever starts later
-// A paced robot follows a new host only when its present one has been silent for this long.
-constexpr TimeNs kSessionSilenceNs = kNanosPerSecond;
 
 TimeNs clock_ns(clockid_t clock) {
   timespec t;
@@ -63,11 +62,7 @@ struct LowLevel::Impl {
   LeaseBook leases;
   std::uint64_t boot = 0;
   std::array<wb_timeout_action, WB_DRIVER_MAX_JOINTS> actions{};
-  bool commanded = false;                                  // the lease has moved something
-  bool stopped = false;                                    // the lease moves nothing any more
-  std::uint64_t command_sequence = 0, heard_sequence = 0;  // newest accepted; newest at all
-  TimeNs command_t_ns = 0, valid_for_ns = 0;               // monotonic, or the robot's time
-  std::string refusal;
+  CommandGate gate;
 
   std::uint64_t sequence = 0, truth_sequence = 0;
   TimeNs next_publish_ns = 0, next_describe_ns = 0;  // monotonic
@@ -75,11 +70,9 @@ struct LowLevel::Impl {
   bool have_last = false, have_held = false;
   wb_readings readings{};
 
-  std::uint64_t session = 0, tick = 0;
+  SessionClock clock;       // of a paced robot
   bool other_host = false;  // since the last tick
   Truth last_truth;
-  TimeNs tick_heard_ns = 0;
-  TimeNs robot_t_ns = 0, offset_ns = 0;  // robot's time = the host's + offset
 
   Impl(const LowLevelOptions& o, const wb_description& d, LowLevelRobot& r, LowLevelFaults& f,
        LowLevelCounts& c)
@@ -97,7 +90,8 @@ struct LowLevel::Impl {
         description(participant, robot_topic(o.prefix, "robot_description"), kLatched),
         truth(participant, robot_topic(o.prefix, "truth"), kNewest),
         waitset(participant),
-        leases(o.lease_silence_ns) {
+        leases(o.lease_silence_ns),
+        gate(d) {
     if (d.joint_count > WB_DRIVER_MAX_JOINTS || o.cameras.size() > 8 ||
         (!o.timeout_actions.empty() && o.timeout_actions.size() != d.joint_count))
       throw config::ConfigError("low level: too many joints or cameras, or time-out actions for " +
@@ -120,11 +114,9 @@ struct LowLevel::Impl {
 
   TimeNs monotonic() const { return clock_ns(CLOCK_MONOTONIC); }
   // On the clock of commands' validity.
-  TimeNs command_clock() const { return options.paced ? robot_t_ns : monotonic(); }
+  TimeNs command_clock() const { return options.paced ? clock.now_ns() : monotonic(); }
   // The stamps' clock.
-  TimeNs stamp_now() const {
-    return options.paced ? robot_t_ns - offset_ns : clock_ns(CLOCK_REALTIME);
-  }
+  TimeNs stamp_now() const { return options.paced ? clock.host_ns() : clock_ns(CLOCK_REALTIME); }
 
   void describe() {
     std::vector<std::uint32_t> supported;
@@ -164,9 +156,7 @@ struct LowLevel::Impl {
       if (answer.is_new) {
         for (std::uint32_t i = 0; i < request.joint_count_; ++i)
           actions[i] = static_cast<wb_timeout_action>(request.timeout_action_[i]);
-        commanded = stopped = false;
-        command_sequence = heard_sequence = 0;
-        refusal.clear();
+        gate.begin_lease();
         ++counts.leases;
         robot.begin(actions.data());
       }
@@ -193,60 +183,40 @@ struct LowLevel::Impl {
   }
 
   void lease_ended() {
-    if (commanded && !stopped) robot.stop(actions.data());
-    commanded = stopped = false;
-    command_sequence = 0;
+    if (gate.end_lease()) robot.stop(actions.data());
   }
 
   // --- commands
 
   void stop_joints() {
     robot.stop(actions.data());
-    stopped = true;
+    gate.latch_stop();
   }
 
   void watch() {
-    if (!commanded || stopped || command_clock() - command_t_ns <= valid_for_ns) return;
+    if (command_clock() <= gate.deadline_ns()) return;
     ++counts.time_outs;
     stop_joints();
   }
 
   void take_commands() {
     commands.take([&](const msg::JointCommands& command) {
-      const char* reason = nullptr;
-      if (command.lease_ == 0 || command.lease_ != leases.lease()) {
-        reason = "not the holder's lease";
-      } else if (command.sequence_ <= heard_sequence) {
-        reason = "duplicate or out of order";
-      } else if (command.stop_) {
-        leases.heard(monotonic());
-        command_sequence = heard_sequence = command.sequence_;
-        if (!stopped) stop_joints();
-        return;
-      } else if (stopped) {
-        reason = "stopped until a new lease";
-      } else if (readings.emergency_stop) {
-        reason = "emergency stop";
-      } else {
-        reason =
-            refuse(command, robot_info, stamp_now(), options.paced ? 0 : options.command_memory_ns);
-      }
-      if (command.lease_ != 0 && command.lease_ == leases.lease())
-        heard_sequence = std::max(heard_sequence, command.sequence_);
-      if (reason != nullptr) {
-        ++counts.refused_commands;
-        refusal = reason;
-        return;
-      }
-      refusal.clear();
-      leases.heard(monotonic());
-      command_sequence = command.sequence_;
-      command_t_ns = command_clock();
-      valid_for_ns = command.valid_for_ns_;
-      commanded = true;
+      CommandGate::Moment moment;
+      moment.lease = leases.lease();
+      moment.stamp_ns = stamp_now();
+      moment.memory_ns = options.paced ? 0 : options.command_memory_ns;
+      moment.now_ns = command_clock();
+      moment.emergency_stop = readings.emergency_stop;
       wb_commands out;
-      clip(command, robot_info, out);
-      if (options.paced) out.t_ns += offset_ns;
+      const CommandGate::Verdict verdict = gate.take(command, moment, out);
+      if (verdict == CommandGate::Verdict::kRefused) {
+        ++counts.refused_commands;
+        return;
+      }
+      leases.heard(monotonic());
+      if (verdict == CommandGate::Verdict::kStop) stop_joints();
+      if (verdict != CommandGate::Verdict::kApply) return;
+      if (options.paced) out.t_ns += clock.offset_ns();
       robot.apply(out);
       ++counts.commands;
     });
@@ -257,31 +227,31 @@ struct LowLevel::Impl {
   void read_robot() {
     readings = {};
     robot.read(readings);
-    if (readings.emergency_stop && commanded && !stopped) stop_joints();
+    if (readings.emergency_stop && gate.moving()) stop_joints();
     msg::JointMeasurements& out = last;
     if (!faults.frozen || !have_last) {
       out = measurement_message(readings, robot_info.joint_count);
       out.boot_ = boot;
-      if (options.paced) out.stamp_ns_ -= offset_ns;
+      if (options.paced) out.stamp_ns_ -= clock.offset_ns();
       for (std::uint32_t i = 0; i < out.joint_count_; ++i)
         out.status_[i] = static_cast<std::uint8_t>(status_of(out.status_[i], out.error_[i]));
       have_last = true;
     }
-    out.session_ = session;
-    out.tick_ = tick;
+    out.session_ = clock.session();
+    out.tick_ = clock.tick();
     out.truth_sequence_ = truth_sequence;
     for (std::size_t i = 0; i < cameras.size(); ++i) out.frames_[i] = cameras[i].frames;
-    out.stopped_ = stopped;
+    out.stopped_ = gate.stopped();
     out.lease_ = leases.lease();
-    out.command_sequence_ = command_sequence;
-    copy_text(out.refusal_, refusal);
+    out.command_sequence_ = gate.sequence();
+    copy_text(out.refusal_, gate.refusal());
   }
 
   std::uint32_t status_of(std::uint32_t said, std::uint32_t error) const {
     if (said != WB_JOINT_UNKNOWN) return said;
     if (error != 0) return WB_JOINT_FAULT;
-    if (stopped) return WB_JOINT_STOPPED;
-    return commanded ? WB_JOINT_FOLLOWING : WB_JOINT_DISABLED;
+    if (gate.stopped()) return WB_JOINT_STOPPED;
+    return gate.commanded() ? WB_JOINT_FOLLOWING : WB_JOINT_DISABLED;
   }
 
   void publish() {
@@ -304,7 +274,7 @@ struct LowLevel::Impl {
   }
 
   void publish(const Truth& t) {
-    TruthMessage message(t, options.paced ? offset_ns : 0);
+    TruthMessage message(t, options.paced ? clock.offset_ns() : 0);
     message.get().boot_ = boot;
     message.get().sequence_ = ++truth_sequence;
     truth.write(message.get());
@@ -320,39 +290,35 @@ struct LowLevel::Impl {
 
   void follow(const msg::Tick& t) {
     const TimeNs now = monotonic();
-    const bool other = t.session_ != session;
-    const TimeNs t_robot = t.t_ns_ + (other ? robot_t_ns - t.t_ns_ : offset_ns);
-    if (t.session_ == 0 || t.t_ns_ < 0 || t.t_ns_ > INT64_MAX / 4 ||
-        (other && session != 0 && now - tick_heard_ns < kSessionSilenceNs) ||
-        (!other && (t.number_ < tick || t_robot < robot_t_ns))) {
+    const bool other = t.session_ != clock.session();
+    const SessionClock::Verdict verdict = clock.take(t, now);
+    if (verdict == SessionClock::Verdict::kRefused) {
       ++counts.refused_ticks;
       return;
     }
     if (other) {
-      session = t.session_;
       other_host = true;
-      offset_ns = robot_t_ns - t.t_ns_;
       for (Camera& camera : cameras) camera.frames = 0;
     }
-    tick_heard_ns = now;
-    const bool again = !other && t.number_ == tick;
-    if (t.number_ > 0 && !again) {
+    if (verdict == SessionClock::Verdict::kGoOn) {
       // The commands of before this tick first: two topics have no order between them.
-      while (t.lease_ != 0 && t.lease_ == leases.lease() && heard_sequence < t.command_sequence_ &&
+      while (t.lease_ != 0 && t.lease_ == leases.lease() &&
+             gate.heard_sequence() < t.command_sequence_ &&
              monotonic() - now < options.command_wait_ns) {
         waitset.wait(1'000'000);
         take_lease_requests();
         take_commands();
       }
+      const TimeNs t_robot = clock.robot_ns(t);
       // valid_for is kept to the nanosecond of virtual time.
-      if (commanded && !stopped && t_robot - command_t_ns > valid_for_ns) {
-        robot_t_ns = std::max(robot_t_ns, command_t_ns + valid_for_ns);
-        if (!robot.advance(robot_t_ns)) return;
+      if (t_robot > gate.deadline_ns()) {
+        clock.reach(std::max(clock.now_ns(), gate.deadline_ns()));
+        if (!robot.advance(clock.now_ns())) return;
         ++counts.time_outs;
         stop_joints();
       }
       // The robot stamps frames and truth that it publishes meanwhile with its own time.
-      robot_t_ns = t_robot;
+      clock.reach(t_robot);
       const std::uint64_t told = truth_sequence;
       if (!robot.advance(t_robot)) return;  // no answer: the host's advance() fails
       // A new host needs the truth at once, also when none is due.
@@ -360,7 +326,7 @@ struct LowLevel::Impl {
       other_host = false;
       ++counts.ticks;
     }
-    tick = t.number_;
+    clock.answer(t);
     publish();
   }
 
@@ -370,7 +336,7 @@ struct LowLevel::Impl {
     if (!options.paced) {
       if (next_publish_ns == 0) next_publish_ns = now;
       until = std::min(until, next_publish_ns);
-      if (commanded && !stopped) until = std::min(until, command_t_ns + valid_for_ns);
+      until = std::min(until, gate.deadline_ns());
     }
     waitset.wait(until - now);
     if (!options.paced) watch();
@@ -404,7 +370,7 @@ void LowLevel::spin(TimeNs timeout_ns) { impl_->spin(timeout_ns); }
 void LowLevel::publish_depth(int index, TimeNs t_ns, const float* depth) {
   Impl::Camera& camera = impl_->cameras.at(index);
   const LowLevelCamera& c = camera.config;
-  const TimeNs stamp = t_ns - (impl_->options.paced ? impl_->offset_ns : 0);
+  const TimeNs stamp = t_ns - (impl_->options.paced ? impl_->clock.offset_ns() : 0);
   impl_->publish_info(camera, stamp);
   msg::Image out{};
   out.header_ = {to_message(stamp), text(c.name.c_str())};

@@ -38,6 +38,8 @@ enum class Defect {
   kAcceptsNan,
   kAcceptsEveryKind,
   kDoesNotClip,
+  kDoesNotFollow,
+  kRunsBackwards,
   kStaleAgeAsFresh,
   kStampGoesBack,
   kUnknownStatus,
@@ -111,6 +113,9 @@ void move(wb_driver& d) {
         wanted = std::clamp(c.velocity, -velocity_max, velocity_max);
       }
     }
+    // Whoever only watches the status sees nothing of these.
+    if (is(Defect::kDoesNotFollow) && j == 1) wanted = 0;
+    if (is(Defect::kRunsBackwards) && j == 2) wanted = -wanted;
     if (is(Defect::kMovesAtActivate) && d.state == WB_ACTIVE && !d.commanded) wanted = 0.2;
     s.velocity = wanted;
     s.position += dt * s.velocity;

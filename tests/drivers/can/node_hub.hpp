@@ -14,17 +14,49 @@
 
 namespace wb::can {
 
+// What one of the drives does wrong.
+struct BrokenDrive {
+  int drive = -1;  // index
+  NodeFaults faults{};
+  double creep_radps = 0;  // moves by itself, under power and without
+  bool heartbeat_consumer = true;
+};
+
+// A joint that slips at a constant speed, held or not.
+class CreepingModel final : public DriveModel {
+ public:
+  CreepingModel(double position, double creep_radps) : joint_(position), creep_(creep_radps) {}
+  double position() const noexcept override { return joint_.position() + crept_; }
+  double velocity() const noexcept override { return joint_.velocity() + creep_; }
+  double torque() const noexcept override { return joint_.torque(); }
+  void apply(DriveAction action, double target) noexcept override {
+    if (action != DriveAction::kPosition) held_ = crept_;
+    joint_.apply(action, action == DriveAction::kPosition ? target - held_ : target);
+  }
+  void step(double dt_s) noexcept override {
+    joint_.step(dt_s);
+    crept_ += creep_ * dt_s;
+  }
+
+ private:
+  IntegratorModel joint_;
+  double creep_, crept_ = 0;
+  double held_ = 0;  // of it, before the servo held the joint
+};
+
 class NodeHub {
  public:
   // drives: node ids 1, 2, ...; joints of the default scale, standing at 0.1 rad each.
-  NodeHub(const std::filesystem::path& path, bool paced, int drives)
+  NodeHub(const std::filesystem::path& path, bool paced, int drives, const BrokenDrive& broken = {})
       : hub_(path, paced), models_(static_cast<std::size_t>(drives)) {
     for (int i = 0; i < drives; ++i) {
       auto& model = models_[static_cast<std::size_t>(i)];
-      model = std::make_unique<IntegratorModel>(0.1);
+      model = std::make_unique<CreepingModel>(0.1, i == broken.drive ? broken.creep_radps : 0);
       NodeOptions options;
       options.node_id = i + 1;
+      options.heartbeat_consumer = i != broken.drive || broken.heartbeat_consumer;
       nodes_.push_back(std::make_unique<Cia402Node>(options, hub_.bus(), *model));
+      if (i == broken.drive) nodes_.back()->faults() = broken.faults;
     }
     thread_ = std::thread([this] { run(); });
   }
@@ -61,7 +93,7 @@ class NodeHub {
   }
 
   SocketBus hub_;
-  std::vector<std::unique_ptr<IntegratorModel>> models_;
+  std::vector<std::unique_ptr<DriveModel>> models_;
   std::vector<std::unique_ptr<Cia402Node>> nodes_;
   std::atomic<unsigned> enabled_{0};
   std::atomic<bool> ends_{false};

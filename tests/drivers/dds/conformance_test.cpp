@@ -48,9 +48,10 @@ class DdsConformance : public DdsDriverTest {
 
 TEST_F(DdsConformance, ASoundRobotPassesEveryCheck) {
   const auto results = suite_against("");
-  EXPECT_GE(results.size(), 18u);
+  EXPECT_GE(results.size(), 20u);
   for (const Result& r : results) {
-    const bool may_skip = r.name == "ports_allocate_nothing" && !allocations_are_counted();
+    const bool may_skip = r.name == "process_dies" ||  // a paced robot stands when its host is dead
+                          (r.name == "ports_allocate_nothing" && !allocations_are_counted());
     EXPECT_TRUE(r.outcome == Outcome::kPassed || may_skip) << r.name << ": " << r.reason;
     std::printf("%s: %s\n", r.name.c_str(), r.reason.c_str());
   }

@@ -167,6 +167,12 @@ class DdsDriverTest : public ::testing::Test {
     plugin = std::make_unique<Plugin>(config(paced, more));
   }
   FakeRobot& robot() { return low_level->robot; }
+  // So many measurements later, that is: what the low-level computer does by then, it does.
+  void let_work(int measurements = 20) {
+    const auto& sent = low_level->low_level.counts().measurements;
+    const std::uint64_t then = sent + static_cast<std::uint64_t>(measurements);
+    ASSERT_TRUE(wait_until([&] { return sent >= then; }));
+  }
 
   // Writes `commands` every 5 ms until the condition holds.
   bool write_until(const wb_commands& commands, const std::function<bool()>& condition) {

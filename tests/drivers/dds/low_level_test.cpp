@@ -3,8 +3,9 @@
 
 #include <cmath>
 
-#include "drivers/dds/low_level/command_filter.hpp"
+#include "drivers/dds/low_level/command_gate.hpp"
 #include "drivers/dds/low_level/lease_book.hpp"
+#include "drivers/dds/low_level/session_clock.hpp"
 #include "tests/drivers/dds/fake_robot.hpp"
 
 namespace wb::dds {
@@ -99,6 +100,112 @@ TEST_F(CommandFilter, ClipsToEachJointsLimits) {
   clip(c, fake_description(), out);
   EXPECT_EQ(out.joints[0].kind, static_cast<std::uint32_t>(WB_CMD_NONE));
   EXPECT_EQ(out.joints[0].position, 0);
+}
+
+// The gate and what it needs: a holder's lease 7, commands of it.
+class CommandGateTest : public CommandFilter {
+ protected:
+  using Verdict = CommandGate::Verdict;
+  static msg::JointCommands command(std::uint64_t sequence, std::uint64_t lease = 7) {
+    msg::JointCommands c = good();
+    c.lease_ = lease;
+    c.sequence_ = sequence;
+    return c;
+  }
+  Verdict take(const msg::JointCommands& c) { return gate.take(c, moment, out); }
+
+  CommandGate gate{fake_description()};
+  CommandGate::Moment moment{7, kNow, kMemory, 100, false};
+  wb_commands out{};
+};
+
+TEST_F(CommandGateTest, TakesTheHoldersCommandsInOrder) {
+  gate.begin_lease();
+  EXPECT_FALSE(gate.moving());
+  EXPECT_EQ(gate.deadline_ns(), INT64_MAX);
+  EXPECT_EQ(take(command(3)), Verdict::kApply);
+  EXPECT_TRUE(gate.moving());
+  EXPECT_EQ(gate.deadline_ns(), 100 + 50'000'000);
+  EXPECT_EQ(take(command(3)), Verdict::kRefused);
+  EXPECT_STREQ(gate.refusal(), "duplicate or out of order");
+  EXPECT_EQ(take(command(2)), Verdict::kRefused);
+  EXPECT_EQ(take(command(4, 8)), Verdict::kRefused);
+  EXPECT_STREQ(gate.refusal(), "not the holder's lease");
+  moment.lease = 0;
+  EXPECT_EQ(take(command(5, 0)), Verdict::kRefused) << "nobody's lease is no lease";
+  EXPECT_TRUE(gate.end_lease()) << "what moves must be stopped";
+}
+
+TEST_F(CommandGateTest, AStopIsLatchedUntilTheNextLease) {
+  gate.begin_lease();
+  msg::JointCommands stop = command(1);
+  stop.stop_ = true;
+  stop.stamp_ns_ = 0;  // how old it is makes no difference
+  EXPECT_EQ(take(stop), Verdict::kStop);
+  EXPECT_EQ(take(command(2)), Verdict::kRefused);
+  EXPECT_STREQ(gate.refusal(), "stopped until a new lease");
+  stop.sequence_ = 3;
+  EXPECT_EQ(take(stop), Verdict::kStopped);
+  EXPECT_FALSE(gate.end_lease());
+  gate.begin_lease();
+  EXPECT_EQ(take(command(1)), Verdict::kApply);
+}
+
+TEST_F(CommandGateTest, APacedRobotsCommandIsNotFromBeforeTheClocksBegin) {
+  gate.begin_lease();
+  moment.memory_ns = 0;
+  msg::JointCommands c = command(1);
+  c.stamp_ns_ = INT64_MIN;  // the offset to the robot's own time is added to it
+  EXPECT_EQ(take(c), Verdict::kRefused);
+  EXPECT_STREQ(gate.refusal(), "too old");
+}
+
+class SessionClockTest : public ::testing::Test {
+ protected:
+  using Verdict = SessionClock::Verdict;
+  static constexpr TimeNs kFar = INT64_MAX / 4;
+  Verdict take(std::uint64_t session, std::uint64_t number, TimeNs t, TimeNs wall = 0) {
+    msg::Tick tick{};
+    tick.session_ = session;
+    tick.number_ = number;
+    tick.t_ns_ = t;
+    const Verdict verdict = clock.take(tick, wall);
+    if (verdict == Verdict::kGoOn) clock.reach(clock.robot_ns(tick));
+    if (verdict != Verdict::kRefused && answers) clock.answer(tick);
+    return verdict;
+  }
+  SessionClock clock;
+  bool answers = true;
+};
+
+TEST_F(SessionClockTest, FollowsOneHostForward) {
+  EXPECT_EQ(take(1, 0, 500), Verdict::kAgain) << "number 0 moves nothing";
+  EXPECT_EQ(take(1, 1, 510), Verdict::kGoOn);
+  EXPECT_EQ(clock.now_ns(), 10) << "the robot's own time begins at 0";
+  EXPECT_EQ(take(1, 1, 510), Verdict::kAgain);
+  EXPECT_EQ(take(1, 2, 509), Verdict::kRefused) << "back";
+  EXPECT_EQ(take(1, 0, 520), Verdict::kRefused) << "out of order";
+  EXPECT_EQ(take(2, 1, 0, kNanosPerSecond - 1), Verdict::kRefused) << "the first host is there";
+  EXPECT_EQ(take(2, 1, 0, kNanosPerSecond), Verdict::kGoOn);
+  EXPECT_EQ(clock.now_ns(), 10);
+  EXPECT_EQ(clock.host_ns(), 0);
+}
+
+TEST_F(SessionClockTest, TimesFromFarOutsideAnyClockAreRefused) {
+  for (const TimeNs t : {INT64_MIN, TimeNs{-1}, kFar + 1, INT64_MAX})
+    EXPECT_EQ(take(1, 1, t), Verdict::kRefused) << t;
+  // One host after another, each of which lets a very long time pass.
+  EXPECT_EQ(take(1, 1, 0), Verdict::kGoOn);
+  EXPECT_EQ(take(1, 2, kFar), Verdict::kGoOn);
+  EXPECT_EQ(take(2, 1, 0, kNanosPerSecond), Verdict::kGoOn);
+  EXPECT_EQ(take(2, 2, 1, kNanosPerSecond), Verdict::kRefused);
+}
+
+TEST_F(SessionClockTest, ANewHostsNumbersBeginAnewAlsoIfItsFirstTickFails) {
+  EXPECT_EQ(take(1, 9, 0), Verdict::kGoOn);
+  answers = false;
+  EXPECT_EQ(take(2, 1, 0, kNanosPerSecond), Verdict::kGoOn);
+  EXPECT_EQ(take(2, 2, 1, kNanosPerSecond), Verdict::kGoOn);
 }
 
 }  // namespace

@@ -59,7 +59,7 @@ TEST_F(PluginTest, NothingMovesThatWasNotCommanded) {
   start();
   EXPECT_EQ(plugin->write(velocity_commands(5, 1)), WB_BAD_STATE);
   ASSERT_EQ(plugin->activate(), WB_OK);
-  sleep_s(0.1);
+  let_work();
   EXPECT_EQ(robot().travel(), 0) << "activation alone moved something";
   wb_commands one{};
   one.joints[1].kind = WB_CMD_VELOCITY;
@@ -106,7 +106,7 @@ TEST_F(PluginTest, BothSidesStopWhenWritesCeaseAndStayStoppedUntilActivated) {
   }));
   const double there = robot().travel();
   EXPECT_EQ(plugin->write(velocity_commands(5, 0.1)), WB_TIMED_OUT);
-  sleep_s(0.05);
+  let_work();
   EXPECT_EQ(robot().travel(), there);
   ASSERT_EQ(plugin->deactivate(), WB_OK);
   ASSERT_EQ(plugin->activate(), WB_OK);

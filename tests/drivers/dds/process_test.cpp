@@ -49,7 +49,7 @@ TEST_F(ProcessTest, TheCommanderIsKilledAndTheRobotStopsByItselfAndIsFreeAgain) 
   }
   ASSERT_TRUE(wait_until([&] { return robot().stops() > 0; }));
   const double there = robot().travel();
-  sleep_s(0.05);
+  let_work();
   EXPECT_EQ(robot().travel(), there);
   plugin = std::make_unique<Plugin>(config());
   // The dead one's lease ends with its silence.
@@ -65,7 +65,7 @@ TEST_F(ProcessTest, AFrozenCommanderCannotGoOnWhenItThaws) {
   ASSERT_TRUE(wait_until([&] { return robot().stops() > 0; }));
   const double there = robot().travel();
   commander.kill(SIGCONT);
-  sleep_s(0.2);
+  let_work(80);
   EXPECT_EQ(robot().travel(), there);
 }
 
