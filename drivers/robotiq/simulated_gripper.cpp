@@ -20,7 +20,8 @@ constexpr int kSlave = 9;
 constexpr double kActivation_s = 0.05;  // the real one takes about two seconds
 constexpr int kPass_ms = 1;             // between movements of the fingers
 constexpr double kLeap_s = 0.01;        // most of one movement, however late this thread is
-constexpr int kStart_requests = 5;      // go by before it answers after a loss of power
+constexpr auto kSilence = std::chrono::milliseconds(10);
+constexpr int kStart_requests = 5;  // go by before it answers after a loss of power
 
 // CRC-16/MODBUS, bit by bit.
 std::uint16_t checksum(const std::uint8_t* data, std::size_t n) {
@@ -140,6 +141,10 @@ void SimulatedGripper::serve() {
   std::uint8_t buffer[256];
   const ssize_t n = read(master_, buffer, sizeof buffer);
   if (n <= 0) return;
+  // A silence ends a frame: what is left of a broken one must not swallow those that follow.
+  const auto now = std::chrono::steady_clock::now();
+  if (now - heard_ > kSilence) received_.clear();
+  heard_ = now;
   received_.insert(received_.end(), buffer, buffer + n);
   for (;;) {
     const std::size_t length = frame_length(received_);

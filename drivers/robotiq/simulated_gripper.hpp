@@ -4,6 +4,7 @@
 // thread. Source: Modbus over serial line V1.02; register map: registers.hpp.
 #pragma once
 #include <atomic>
+#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <mutex>
@@ -70,6 +71,7 @@ class SimulatedGripper {
   // The thread's own.
   int master_ = -1;
   Bytes received_;
+  std::chrono::steady_clock::time_point heard_;  // its newest bytes
   int starting_ = 0;
   double activating_s_ = 0;
   std::thread thread_;
