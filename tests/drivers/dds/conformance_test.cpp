@@ -26,7 +26,9 @@ class DdsConformance : public DdsDriverTest {
     options.config =
         config(true, std::string(SeeingRobot::kConfig) + ", connect_timeout_ms: 60000");
     options.folder = "/";
-    return check::run(options);
+    const auto results = check::run(options);
+    for (const Result& r : results) std::printf("%s: %s\n", r.name.c_str(), r.reason.c_str());
+    return results;
   }
 
   // `name` failed because of `reason` (a part of it).
@@ -53,7 +55,6 @@ TEST_F(DdsConformance, ASoundRobotPassesEveryCheck) {
     const bool may_skip = r.name == "process_dies" ||  // a paced robot stands when its host is dead
                           (r.name == "ports_allocate_nothing" && !allocations_are_counted());
     EXPECT_TRUE(r.outcome == Outcome::kPassed || may_skip) << r.name << ": " << r.reason;
-    std::printf("%s: %s\n", r.name.c_str(), r.reason.c_str());
   }
 }
 
@@ -68,7 +69,6 @@ TEST_F(DdsConformance, ARobotThatIgnoresStopIsFoundAlthoughItSaysThatItStopped) 
 
 TEST_F(DdsConformance, ARobotThatMovesByItselfIsFoundBeforeTheFirstWrite) {
   const auto results = suite_against("moves_by_itself");
-  for (const Result& r : results) std::printf("%s: %s\n", r.name.c_str(), r.reason.c_str());
   expect_failed(results, "still_until_written", "between activate and the first write");
 }
 
