@@ -53,7 +53,6 @@ endfunction()
 #   process      waits for other programs or threads in real time: scripts/test runs these one by one
 #   sanitized    as good as `fast` under asan-ubsan, but long or in real time: ctest --test-dir build/asan-ubsan -L sanitized
 #   concurrency  has threads; runs under tsan, too
-#   release      not proved under sanitizers yet
 # Targets fast_tests, sanitized_tests, concurrent_tests: what those need. Under tsan the suppressions of tests/sanitizers apply.
 include(GoogleTest)
 add_custom_target(fast_tests)
