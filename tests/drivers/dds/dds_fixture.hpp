@@ -17,22 +17,13 @@
 #include <vector>
 
 #include "drivers/sim/truth.h"
+#include "tests/dds_domain.hpp"
 #include "tests/drivers/dds/fake_robot.hpp"
 
 namespace wb::dds {
 
-// Bound on anything that discovery, delivery or the scheduler has to do; reached only when a test
-// fails.
-inline constexpr double kPatienceS = 20;
+using test::wait_until;
 
-inline bool wait_until(const std::function<bool()>& condition, double timeout_s = kPatienceS) {
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(timeout_s);
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > deadline) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  return true;
-}
 inline void sleep_s(double s) { std::this_thread::sleep_for(std::chrono::duration<double>(s)); }
 
 // LowLevel and its robot on a thread.
@@ -132,14 +123,10 @@ inline wb_commands velocity_commands(int joints, double velocity) {
 
 class DdsDriverTest : public ::testing::Test {
  protected:
-  static void SetUpTestSuite() {
-    const std::string uri =
-        "file://" WB_SOURCE_DIR
-        "/config/cyclonedds_loopback.xml,<CycloneDDS><Domain><Discovery><Tag>wb_test_" +
-        std::to_string(getpid()) + "</Tag></Discovery></Domain></CycloneDDS>";
-    setenv("CYCLONEDDS_URI", uri.c_str(), 1);
+  static int domain() {
+    static const int own = test::own_dds_domain();
+    return own;
   }
-  static int domain() { return 101 + getpid() % 100; }
 
   static LowLevelOptions low_level_options(bool paced = false) {
     LowLevelOptions o;
