@@ -102,7 +102,7 @@ vm_boot() {
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root TERM=dumb KERNEL=$release
 mkdir -p /lib/modules /dev/pts /dev/shm
 mount -t tmpfs t /lib/modules; ln -s $modules /lib/modules/$release
-mount -t devpts p /dev/pts; mount -t tmpfs t /dev/shm; mount -t tmpfs t /run; mount -t tmpfs t /tmp
+mount -t devpts p /dev/pts; mount -t tmpfs t /dev/shm; mount -t tmpfs t /run
 ip link set lo up
 cd $(printf %q "$PWD")
 $(printf '%q ' "$@") >/out/result 2>&1
