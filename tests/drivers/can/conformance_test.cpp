@@ -4,15 +4,14 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <algorithm>
-
 #include "core/rt/allocation_count.hpp"
-#include "drivers/check/driver_check.hpp"
 #include "tests/drivers/can/node_hub.hpp"
+#include "tests/drivers/check_results.hpp"
 
 namespace wb::can {
 namespace {
 
+using check::expect_failed;
 using check::Outcome;
 using check::Result;
 
@@ -38,23 +37,6 @@ std::vector<Result> suite_against(const BrokenDrive& broken) {
     if (r.outcome != Outcome::kPassed) std::printf("%s: %s\n", r.name.c_str(), r.reason.c_str());
   }
   return results;
-}
-
-std::vector<std::string> failed(const std::vector<Result>& results) {
-  std::vector<std::string> names;
-  for (const Result& r : results) {
-    if (r.outcome == Outcome::kFailed) names.push_back(r.name);
-  }
-  return names;
-}
-
-// `name` failed because of `reason` (a part of it).
-void expect_failed(const std::vector<Result>& results, const std::string& name,
-                   const std::string& reason) {
-  const auto r = std::ranges::find(results, name, &Result::name);
-  ASSERT_NE(r, results.end()) << name;
-  EXPECT_EQ(r->outcome, Outcome::kFailed) << name << ": " << r->reason;
-  EXPECT_NE(r->reason.find(reason), std::string::npos) << name << ": " << r->reason;
 }
 
 TEST(CanConformance, SoundDrivesPassEveryCheck) {
@@ -87,7 +69,7 @@ TEST(CanConformance, ADriveThatIsEnabledButFollowsNoTargetIsFound) {
     BrokenDrive broken{drive};
     broken.faults.ignore_targets = true;
     const auto results = suite_against(broken);
-    EXPECT_EQ(failed(results), std::vector<std::string>{"follows"});
+    EXPECT_EQ(check::failed(results), std::vector<std::string>{"follows"});
     expect_failed(
         results, "follows",
         "joint j" + std::to_string(drive + 1) + " has status FOLLOWING, but moved by 0 when");

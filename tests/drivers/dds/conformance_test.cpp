@@ -1,10 +1,8 @@
 // The conformance suite of the driver ABI (drivers/check) on the DDS plugin, against a paced
 // low-level computer in a process of its own: a sound one passes, and a robot that does not do what
 // it is told fails the checks that are there for it.
-#include <algorithm>
-
 #include "core/rt/allocation_count.hpp"
-#include "drivers/check/driver_check.hpp"
+#include "tests/drivers/check_results.hpp"
 #include "tests/drivers/dds/child.hpp"
 #include "tests/drivers/dds/dds_fixture.hpp"
 #include "tests/drivers/dds/seeing_robot.hpp"
@@ -12,6 +10,7 @@
 namespace wb::dds {
 namespace {
 
+using check::expect_failed;
 using check::Outcome;
 using check::Result;
 
@@ -29,22 +28,6 @@ class DdsConformance : public DdsDriverTest {
     const auto results = check::run(options);
     for (const Result& r : results) std::printf("%s: %s\n", r.name.c_str(), r.reason.c_str());
     return results;
-  }
-
-  // `name` failed because of `reason` (a part of it).
-  static void expect_failed(const std::vector<Result>& results, const std::string& name,
-                            const std::string& reason) {
-    const auto r = std::ranges::find(results, name, &Result::name);
-    ASSERT_NE(r, results.end()) << name;
-    EXPECT_EQ(r->outcome, Outcome::kFailed) << name << ": " << r->reason;
-    EXPECT_NE(r->reason.find(reason), std::string::npos) << name << ": " << r->reason;
-  }
-  static std::vector<std::string> failed(const std::vector<Result>& results) {
-    std::vector<std::string> names;
-    for (const Result& r : results) {
-      if (r.outcome == Outcome::kFailed) names.push_back(r.name);
-    }
-    return names;
   }
 };
 
@@ -64,7 +47,7 @@ TEST_F(DdsConformance, ARobotThatIgnoresStopIsFoundAlthoughItSaysThatItStopped) 
   expect_failed(results, "time_out", "after the time-out, while commands were written");
   expect_failed(results, "stop", "after stop, while commands were written");
   expect_failed(results, "deactivate", "after deactivate");
-  EXPECT_EQ(failed(results), (std::vector<std::string>{"time_out", "stop", "deactivate"}));
+  EXPECT_EQ(check::failed(results), (std::vector<std::string>{"time_out", "stop", "deactivate"}));
 }
 
 TEST_F(DdsConformance, ARobotThatMovesByItselfIsFoundBeforeTheFirstWrite) {
