@@ -5,7 +5,7 @@
 #include <cmath>
 #include <optional>
 
-#include "drivers/dds/low_level/command_gate.hpp"
+#include "drivers/dds/low_level/command_admission.hpp"
 #include "drivers/dds/low_level/lease_book.hpp"
 #include "drivers/dds/low_level/session_clock.hpp"
 #include "tests/drivers/dds/fake_robot.hpp"
@@ -23,7 +23,7 @@ class Session {
       : bytes_(bytes),
         robot_(fake_description()),
         leases_(kLeaseSilence),
-        gate_(robot_),
+        admission_(robot_),
         paced_(bytes.flag()) {}
 
   fuzz::Tally run() {
@@ -41,7 +41,7 @@ class Session {
           break;
         case 14:
           emergency_stop_ = bytes_.flag();
-          if (emergency_stop_ && gate_.moving()) stop();
+          if (emergency_stop_ && admission_.moving()) stop();
           break;
         case 15:
           tick();
@@ -63,27 +63,28 @@ class Session {
     const LeaseBook::Answer answer =
         leases_.ask(1 + bytes_.take<std::uint8_t>() % 8, "fuzzer", wall_ns_);
     if (!answer.is_new) return;
-    gate_.begin_lease();
-    promise(!gate_.moving(), "a new lease moves nothing");
+    admission_.begin_lease();
+    promise(!admission_.moving(), "a new lease moves nothing");
     lease_ = answer.lease;
     newest_ = 0;
     stopped_ = false;
     moving_until_.reset();
   }
   void lease_ended() {
-    promise(gate_.end_lease() == moving_until_.has_value(), "the end of a lease stops what moves");
+    promise(admission_.end_lease() == moving_until_.has_value(),
+            "the end of a lease stops what moves");
     former_ = lease_;
     lease_ = 0;
     moving_until_.reset();
   }
   void stop() {
-    gate_.latch_stop();
+    admission_.latch_stop();
     stopped_ = true;
     moving_until_.reset();
   }
   void watch() {
-    promise(gate_.deadline_ns() == moving_until_.value_or(INT64_MAX), "the deadline is known");
-    if (command_clock() > gate_.deadline_ns()) stop();
+    promise(admission_.deadline_ns() == moving_until_.value_or(INT64_MAX), "the deadline is known");
+    if (command_clock() > admission_.deadline_ns()) stop();
   }
   void pass(TimeNs ns) {
     wall_ns_ += ns;
@@ -111,7 +112,7 @@ class Session {
   }
 
   void take(const msg::JointCommands& c) {
-    CommandGate::Moment m;
+    CommandAdmission::Moment m;
     m.lease = leases_.lease();
     m.stamp_ns = stamp_now();
     m.memory_ns = paced_ ? 0 : kMemory;
@@ -121,12 +122,12 @@ class Session {
     const bool in_order = c.sequence_ > newest_;
     if (holders) newest_ = std::max(newest_, c.sequence_);
     wb_commands out{};
-    const CommandGate::Verdict verdict = gate_.take(c, m, out);
-    if (verdict == CommandGate::Verdict::kRefused) return;
+    const CommandAdmission::Verdict verdict = admission_.take(c, m, out);
+    if (verdict == CommandAdmission::Verdict::kRefused) return;
     promise(holders, "a command of a lease that nobody holds");
     promise(in_order, "a command twice or out of order");
     leases_.heard(wall_ns_);
-    if (verdict != CommandGate::Verdict::kApply) {
+    if (verdict != CommandAdmission::Verdict::kApply) {
       promise(c.stop_, "a stop that nobody sent");
       stopped_ = true;
       moving_until_.reset();
@@ -169,7 +170,7 @@ class Session {
   Bytes& bytes_;
   const wb_description robot_;
   LeaseBook leases_;
-  CommandGate gate_;
+  CommandAdmission admission_;
   SessionClock clock_;
   const bool paced_;
   fuzz::Tally tally_;

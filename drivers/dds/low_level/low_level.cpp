@@ -9,7 +9,7 @@
 #include <optional>
 #include <random>
 
-#include "drivers/dds/low_level/command_gate.hpp"
+#include "drivers/dds/low_level/command_admission.hpp"
 #include "drivers/dds/low_level/lease_book.hpp"
 #include "drivers/dds/low_level/robot_messages.hpp"
 #include "drivers/dds/low_level/session_clock.hpp"
@@ -62,7 +62,7 @@ struct LowLevel::Impl {
   LeaseBook leases;
   std::uint64_t boot = 0;
   std::array<wb_timeout_action, WB_DRIVER_MAX_JOINTS> actions{};
-  CommandGate gate;
+  CommandAdmission admission;
 
   std::uint64_t sequence = 0, truth_sequence = 0;
   TimeNs next_publish_ns = 0, next_describe_ns = 0;  // monotonic
@@ -91,7 +91,7 @@ struct LowLevel::Impl {
         truth(participant, robot_topic(o.prefix, "truth"), kNewest),
         waitset(participant),
         leases(o.lease_silence_ns),
-        gate(d) {
+        admission(d) {
     if (d.joint_count > WB_DRIVER_MAX_JOINTS || o.cameras.size() > 8 ||
         (!o.timeout_actions.empty() && o.timeout_actions.size() != d.joint_count))
       throw config::ConfigError("low level: too many joints or cameras, or time-out actions for " +
@@ -156,7 +156,7 @@ struct LowLevel::Impl {
       if (answer.is_new) {
         for (std::uint32_t i = 0; i < request.joint_count_; ++i)
           actions[i] = static_cast<wb_timeout_action>(request.timeout_action_[i]);
-        gate.begin_lease();
+        admission.begin_lease();
         ++counts.leases;
         robot.begin(actions.data());
       }
@@ -183,39 +183,39 @@ struct LowLevel::Impl {
   }
 
   void lease_ended() {
-    if (gate.end_lease()) robot.stop(actions.data());
+    if (admission.end_lease()) robot.stop(actions.data());
   }
 
   // --- commands
 
   void stop_joints() {
     robot.stop(actions.data());
-    gate.latch_stop();
+    admission.latch_stop();
   }
 
   void watch() {
-    if (command_clock() <= gate.deadline_ns()) return;
+    if (command_clock() <= admission.deadline_ns()) return;
     ++counts.time_outs;
     stop_joints();
   }
 
   void take_commands() {
     commands.take([&](const msg::JointCommands& command) {
-      CommandGate::Moment moment;
+      CommandAdmission::Moment moment;
       moment.lease = leases.lease();
       moment.stamp_ns = stamp_now();
       moment.memory_ns = options.paced ? 0 : options.command_memory_ns;
       moment.now_ns = command_clock();
       moment.emergency_stop = readings.emergency_stop;
       wb_commands out;
-      const CommandGate::Verdict verdict = gate.take(command, moment, out);
-      if (verdict == CommandGate::Verdict::kRefused) {
+      const CommandAdmission::Verdict verdict = admission.take(command, moment, out);
+      if (verdict == CommandAdmission::Verdict::kRefused) {
         ++counts.refused_commands;
         return;
       }
       leases.heard(monotonic());
-      if (verdict == CommandGate::Verdict::kStop) stop_joints();
-      if (verdict != CommandGate::Verdict::kApply) return;
+      if (verdict == CommandAdmission::Verdict::kStop) stop_joints();
+      if (verdict != CommandAdmission::Verdict::kApply) return;
       if (options.paced) out.t_ns += clock.offset_ns();
       robot.apply(out);
       ++counts.commands;
@@ -227,7 +227,7 @@ struct LowLevel::Impl {
   void read_robot() {
     readings = {};
     robot.read(readings);
-    if (readings.emergency_stop && gate.moving()) stop_joints();
+    if (readings.emergency_stop && admission.moving()) stop_joints();
     msg::JointMeasurements& out = last;
     if (!faults.frozen || !have_last) {
       out = measurement_message(readings, robot_info.joint_count);
@@ -241,17 +241,17 @@ struct LowLevel::Impl {
     out.tick_ = clock.tick();
     out.truth_sequence_ = truth_sequence;
     for (std::size_t i = 0; i < cameras.size(); ++i) out.frames_[i] = cameras[i].frames;
-    out.stopped_ = gate.stopped();
+    out.stopped_ = admission.stopped();
     out.lease_ = leases.lease();
-    out.command_sequence_ = gate.sequence();
-    copy_text(out.refusal_, gate.refusal());
+    out.command_sequence_ = admission.sequence();
+    copy_text(out.refusal_, admission.refusal());
   }
 
   std::uint32_t status_of(std::uint32_t said, std::uint32_t error) const {
     if (said != WB_JOINT_UNKNOWN) return said;
     if (error != 0) return WB_JOINT_FAULT;
-    if (gate.stopped()) return WB_JOINT_STOPPED;
-    return gate.commanded() ? WB_JOINT_FOLLOWING : WB_JOINT_DISABLED;
+    if (admission.stopped()) return WB_JOINT_STOPPED;
+    return admission.commanded() ? WB_JOINT_FOLLOWING : WB_JOINT_DISABLED;
   }
 
   void publish() {
@@ -303,7 +303,7 @@ struct LowLevel::Impl {
     if (verdict == SessionClock::Verdict::kGoOn) {
       // The commands of before this tick first: two topics have no order between them.
       while (t.lease_ != 0 && t.lease_ == leases.lease() &&
-             gate.heard_sequence() < t.command_sequence_ &&
+             admission.heard_sequence() < t.command_sequence_ &&
              monotonic() - now < options.command_wait_ns) {
         waitset.wait(1'000'000);
         take_lease_requests();
@@ -311,8 +311,8 @@ struct LowLevel::Impl {
       }
       const TimeNs t_robot = clock.robot_ns(t);
       // valid_for is kept to the nanosecond of virtual time.
-      if (t_robot > gate.deadline_ns()) {
-        clock.reach(std::max(clock.now_ns(), gate.deadline_ns()));
+      if (t_robot > admission.deadline_ns()) {
+        clock.reach(std::max(clock.now_ns(), admission.deadline_ns()));
         if (!robot.advance(clock.now_ns())) return;
         ++counts.time_outs;
         stop_joints();
@@ -336,7 +336,7 @@ struct LowLevel::Impl {
     if (!options.paced) {
       if (next_publish_ns == 0) next_publish_ns = now;
       until = std::min(until, next_publish_ns);
-      until = std::min(until, gate.deadline_ns());
+      until = std::min(until, admission.deadline_ns());
     }
     waitset.wait(until - now);
     if (!options.paced) watch();

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "drivers/dds/low_level/command_gate.hpp"
+#include "drivers/dds/low_level/command_admission.hpp"
 #include "drivers/dds/low_level/lease_book.hpp"
 #include "drivers/dds/low_level/session_clock.hpp"
 #include "tests/drivers/dds/fake_robot.hpp"
@@ -102,62 +102,62 @@ TEST_F(CommandFilter, ClipsToEachJointsLimits) {
   EXPECT_EQ(out.joints[0].position, 0);
 }
 
-// The gate and what it needs: a holder's lease 7, commands of it.
-class CommandGateTest : public CommandFilter {
+// The admission and what it needs: a holder's lease 7, commands of it.
+class CommandAdmissionTest : public CommandFilter {
  protected:
-  using Verdict = CommandGate::Verdict;
+  using Verdict = CommandAdmission::Verdict;
   static msg::JointCommands command(std::uint64_t sequence, std::uint64_t lease = 7) {
     msg::JointCommands c = good();
     c.lease_ = lease;
     c.sequence_ = sequence;
     return c;
   }
-  Verdict take(const msg::JointCommands& c) { return gate.take(c, moment, out); }
+  Verdict take(const msg::JointCommands& c) { return admission.take(c, moment, out); }
 
-  CommandGate gate{fake_description()};
-  CommandGate::Moment moment{7, kNow, kMemory, 100, false};
+  CommandAdmission admission{fake_description()};
+  CommandAdmission::Moment moment{7, kNow, kMemory, 100, false};
   wb_commands out{};
 };
 
-TEST_F(CommandGateTest, TakesTheHoldersCommandsInOrder) {
-  gate.begin_lease();
-  EXPECT_FALSE(gate.moving());
-  EXPECT_EQ(gate.deadline_ns(), INT64_MAX);
+TEST_F(CommandAdmissionTest, TakesTheHoldersCommandsInOrder) {
+  admission.begin_lease();
+  EXPECT_FALSE(admission.moving());
+  EXPECT_EQ(admission.deadline_ns(), INT64_MAX);
   EXPECT_EQ(take(command(3)), Verdict::kApply);
-  EXPECT_TRUE(gate.moving());
-  EXPECT_EQ(gate.deadline_ns(), 100 + 50'000'000);
+  EXPECT_TRUE(admission.moving());
+  EXPECT_EQ(admission.deadline_ns(), 100 + 50'000'000);
   EXPECT_EQ(take(command(3)), Verdict::kRefused);
-  EXPECT_STREQ(gate.refusal(), "duplicate or out of order");
+  EXPECT_STREQ(admission.refusal(), "duplicate or out of order");
   EXPECT_EQ(take(command(2)), Verdict::kRefused);
   EXPECT_EQ(take(command(4, 8)), Verdict::kRefused);
-  EXPECT_STREQ(gate.refusal(), "not the holder's lease");
+  EXPECT_STREQ(admission.refusal(), "not the holder's lease");
   moment.lease = 0;
   EXPECT_EQ(take(command(5, 0)), Verdict::kRefused) << "nobody's lease is no lease";
-  EXPECT_TRUE(gate.end_lease()) << "what moves must be stopped";
+  EXPECT_TRUE(admission.end_lease()) << "what moves must be stopped";
 }
 
-TEST_F(CommandGateTest, AStopIsLatchedUntilTheNextLease) {
-  gate.begin_lease();
+TEST_F(CommandAdmissionTest, AStopIsLatchedUntilTheNextLease) {
+  admission.begin_lease();
   msg::JointCommands stop = command(1);
   stop.stop_ = true;
   stop.stamp_ns_ = 0;  // how old it is makes no difference
   EXPECT_EQ(take(stop), Verdict::kStop);
   EXPECT_EQ(take(command(2)), Verdict::kRefused);
-  EXPECT_STREQ(gate.refusal(), "stopped until a new lease");
+  EXPECT_STREQ(admission.refusal(), "stopped until a new lease");
   stop.sequence_ = 3;
   EXPECT_EQ(take(stop), Verdict::kStopped);
-  EXPECT_FALSE(gate.end_lease());
-  gate.begin_lease();
+  EXPECT_FALSE(admission.end_lease());
+  admission.begin_lease();
   EXPECT_EQ(take(command(1)), Verdict::kApply);
 }
 
-TEST_F(CommandGateTest, APacedRobotsCommandIsNotFromBeforeTheClocksBegin) {
-  gate.begin_lease();
+TEST_F(CommandAdmissionTest, APacedRobotsCommandIsNotFromBeforeTheClocksBegin) {
+  admission.begin_lease();
   moment.memory_ns = 0;
   msg::JointCommands c = command(1);
   c.stamp_ns_ = INT64_MIN;  // the offset to the robot's own time is added to it
   EXPECT_EQ(take(c), Verdict::kRefused);
-  EXPECT_STREQ(gate.refusal(), "too old");
+  EXPECT_STREQ(admission.refusal(), "too old");
 }
 
 class SessionClockTest : public ::testing::Test {

@@ -1,23 +1,23 @@
-#include "drivers/dds/low_level/command_gate.hpp"
+#include "drivers/dds/low_level/command_admission.hpp"
 
 #include <algorithm>
 
 namespace wb::dds {
 
-void CommandGate::begin_lease() noexcept {
+void CommandAdmission::begin_lease() noexcept {
   commanded_ = stopped_ = false;
   sequence_ = heard_sequence_ = 0;
   refusal_ = "";
 }
 
-bool CommandGate::end_lease() noexcept {
+bool CommandAdmission::end_lease() noexcept {
   const bool must_stop = moving();
   commanded_ = stopped_ = false;
   sequence_ = 0;
   return must_stop;
 }
 
-const char* CommandGate::reason(const msg::JointCommands& c, const Moment& m) const noexcept {
+const char* CommandAdmission::reason(const msg::JointCommands& c, const Moment& m) const noexcept {
   if (c.lease_ == 0 || c.lease_ != m.lease) return "not the holder's lease";
   if (c.sequence_ <= heard_sequence_) return "duplicate or out of order";
   if (c.stop_) return nullptr;  // in time or not
@@ -26,8 +26,8 @@ const char* CommandGate::reason(const msg::JointCommands& c, const Moment& m) co
   return refuse(c, robot_, m.stamp_ns, m.memory_ns);
 }
 
-CommandGate::Verdict CommandGate::take(const msg::JointCommands& c, const Moment& m,
-                                       wb_commands& out) noexcept {
+CommandAdmission::Verdict CommandAdmission::take(const msg::JointCommands& c, const Moment& m,
+                                                 wb_commands& out) noexcept {
   const char* why = reason(c, m);
   if (c.lease_ != 0 && c.lease_ == m.lease)
     heard_sequence_ = std::max(heard_sequence_, c.sequence_);

@@ -7,7 +7,7 @@
 
 namespace wb::dds {
 
-class CommandGate {
+class CommandAdmission {
  public:
   // What holds when a message is taken.
   struct Moment {
@@ -24,7 +24,7 @@ class CommandGate {
     kApply,
   };
 
-  explicit CommandGate(const wb_description& robot) : robot_(robot) {}
+  explicit CommandAdmission(const wb_description& robot) : robot_(robot) {}
 
   // A new lease moves nothing yet. An end: true if the joints must be stopped.
   void begin_lease() noexcept;
